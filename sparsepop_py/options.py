@@ -35,6 +35,7 @@ SKIPPED = (
     "cutoff",
     "branch",
     "linear_tree",
+    "working_set",
 )
 
 _OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
@@ -125,7 +126,8 @@ class Options:
         linear programs), ``"obbt_sdp"`` (... by semidefinite relaxations, in branch and
         bound), ``"quote"`` (bounds of one objective used for others), ``"cutoff"``,
         ``"branch"``, ``"linear_tree"`` (branch and bound by linear programs alone, which
-        small problems of degree 2 begin with).
+        small problems of degree 2 begin with), ``"working_set"`` (bounds from the constraints
+        that bind, in problems with many).
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open. A proof under way and the last

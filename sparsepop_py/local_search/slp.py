@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.problem.problem import Problem
 
-__all__ = ["restored", "sequential_search", "violated_rows"]
+__all__ = ["conflict_prices", "restored", "row_prices", "sequential_search", "violated_rows"]
 
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
@@ -117,6 +117,7 @@ class _Search:
         return matrix, np.argsort(order)[: rows.size]
 
     _model: LinearModel | None = None
+    prices: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # of the last program
 
     def violation(self, x: NDArray[np.float64]) -> float:
         """Sum the violations at x in units of the rows."""
@@ -151,6 +152,7 @@ class _Search:
         found = self._model.solve(np.append(gradient, slack), left if np.isfinite(left) else None)
         if found.status != "solved":
             return None
+        self.prices = np.abs(found.dual)
         return np.clip(x + found.x[: x.size], low, high), found.value
 
     def place(self, x: NDArray[np.float64]) -> _Place:
@@ -201,6 +203,60 @@ def violated_rows(
     values = problem.rows.values(_restored(search, x)) / search.size
     off = np.where(problem.equality, np.abs(values), np.maximum(-values, 0.0))
     return np.flatnonzero(off > _VIOLATED)
+
+
+def row_prices(
+    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64], trust: float = 0.1
+) -> NDArray[np.float64]:
+    """Compute prices of constraints in the linearised problem at a point.
+
+    At a local minimiser the constraints with a price are those that make it one.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : (n,) float
+    held : (c,) int
+        Complicating variables, as in :func:`sequential_search`.
+    trust : float
+        Trust region, relative to the width of each held variable's bounds.
+
+    Returns
+    -------
+    (m,) float
+        Sizes, for rows in units of their largest coefficients; zeros where there is no solution.
+    """
+    search = _Search(problem, held)
+    unit = problem.upper - problem.lower
+    unit = np.where(np.isfinite(unit), unit, 1.0 + np.abs(x))
+    gradient = problem.objective_row.gradient(x)
+    gradient = gradient / max(1e-300, float(np.abs(gradient * unit).max()))
+    found = search.step(x, gradient, _PENALTY, *search.within(x, trust * unit))
+    return np.zeros(problem.rows.size) if found is None else search.prices
+
+
+def conflict_prices(
+    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Compute prices of constraints in the linear program of least violation at a point.
+
+    The held variables stay as they are. Constraints with a price contradict each other; which of
+    them are violated may be a matter of choice.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : (n,) float
+    held : (c,) int
+
+    Returns
+    -------
+    (m,) float
+        Sizes; zeros where the held variables are those of a feasible point.
+    """
+    search = _Search(problem, held)
+    feasible = search.violation(_restored(search, x)) <= _VIOLATED
+    return np.zeros(problem.rows.size) if feasible else search.prices
 
 
 def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:

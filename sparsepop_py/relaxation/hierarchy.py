@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import comb
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,13 +36,42 @@ __all__ = [
     "RelaxationSpec",
     "SpecSource",
     "expected_seconds",
-    "families",
     "hashed",
     "progress",
     "relaxation_specs",
 ]
 
-Families = dict[Joined, Cliques]
+
+class Families(dict[Joined, Cliques]):
+    """Cliques for each way of joining variables, found when asked for.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    sparse : bool
+    method : {"auto", "min-degree", "min-fill", "mcs-m"}
+        As in :func:`sparsepop_py.find_cliques`.
+    """
+
+    def __init__(
+        self, problem: Problem, objectives: Sequence[Polynomial], sparse: bool, method: Method
+    ) -> None:
+        self._given = problem, sparse, method, objectives
+        self._alike = not (sparse and problem.constraints)
+
+    def __missing__(self, joined: Joined) -> Cliques:
+        """Find cliques; all are equal where nothing is sparse."""
+        usual = joined == "constraints" or self._alike
+        found = find_cliques(*self._given) if usual else find_cliques(*self._given, joined)
+        for name in ("constraints", "monomials", "partners") if self._alike else (joined,):
+            self[name] = found
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Take what was found to another process."""
+        problem, sparse, method, objectives = self._given
+        return Families, (problem, objectives, sparse, method), None, None, iter(self.items())
 
 
 @dataclass(frozen=True)
@@ -180,18 +209,6 @@ class RelaxationSpec:
             sizes = Counter(1 + count for count in members)
             return bool(np.isfinite(self._expected(dict(sizes), 0.0)))
         return True
-
-
-def families(
-    problem: Problem, objectives: Sequence[Polynomial], sparse: bool, method: Method
-) -> Families:
-    """Find cliques for each way of joining variables; all equal where nothing is sparse."""
-    usual = find_cliques(problem, sparse, method, objectives)
-    found: Families = {"constraints": usual, "monomials": usual, "partners": usual}
-    if sparse and problem.constraints:
-        for joined in ("monomials", "partners"):
-            found[joined] = find_cliques(problem, sparse, method, objectives, joined)
-    return found
 
 
 def _differ(one: Cliques, other: Cliques) -> bool:

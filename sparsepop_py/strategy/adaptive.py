@@ -77,6 +77,10 @@ class AdaptiveSearch:
         Starts of local searches for where the first relaxation leaves a gap.
     least_cutoff : float
         The least cutoff with which the box was tightened.
+    point : (n,) float or None
+        First moments of the last relaxation from which an incumbent was searched.
+    longest_slice : float
+        Seconds that a tree grows at most before relaxations are considered again.
     """
 
     context: SolveContext
@@ -96,6 +100,8 @@ class AdaptiveSearch:
     solved: set[int] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
     least_cutoff: float = np.inf
+    point: NDArray[np.float64] | None = None
+    longest_slice: float = STRATEGY.slice_seconds
 
     def __post_init__(self) -> None:
         replay = self.context.at_cutoff()
@@ -339,6 +345,7 @@ class AdaptiveSearch:
             self._shrink()
 
     def _search_in_tree(self, context: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
+        self.point = starts[-1]
         self.context, candidates = update_incumbent(context, starts, self.bound)
         self.candidates = self.candidates + candidates
         self.context.report(self.bound)
@@ -433,7 +440,7 @@ class AdaptiveSearch:
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
-        slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, STRATEGY.slice_seconds))
+        slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, self.longest_slice))
         if self.search is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()

@@ -34,6 +34,7 @@ from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState, branching
+from sparsepop_py.strategy.working_set import WorkingSetSearch, suits
 from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -77,6 +78,7 @@ class MultiObjectiveSearch:
     deadline: Deadline
     repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
+    working_sets: list[WorkingSetSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
     known: dict[Any, Any] = field(default_factory=dict)
@@ -144,16 +146,21 @@ class MultiObjectiveSearch:
                 objectives=len(self.objectives),
             )
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
+        if self.searches and suits(self.searches[0]):
+            self.working_sets = [WorkingSetSearch(auto) for auto in self.searches]
 
     def _first_points(self) -> None:
         """Run local searches from the first start that leads to a point."""
-        if not self.starts or self.points:
+        starts = self.starts
+        if self.working_sets and self.points:  # these are chosen at minimisers
+            starts = [self.points[0].x]
+        elif not starts or self.points:
             self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
         for auto in self.searches if several else self.searches[:1]:
             auto.context = adopt_points(auto.context, self.points)
-            for start in self.starts:
+            for start in starts:
                 auto.context, found = update_incumbent(auto.context, [start])
                 auto.candidates = [*auto.candidates, *found]
                 if several and auto.context.best is not None:
@@ -184,7 +191,10 @@ class MultiObjectiveSearch:
             return
         known = len(self.points)
         auto.restart(self.model)
-        auto.run(most)
+        if self.working_sets and not self.working_sets[index].done:
+            self.working_sets[index].run(most)
+        else:
+            auto.run(most)
         if auto.context.best is not None and auto.context.best not in self.points:
             self.points.append(auto.context.best)
         self._share_points(self.points[known:])

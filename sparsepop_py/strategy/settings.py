@@ -77,6 +77,20 @@ class StrategySettings:
         Constraints beyond which linear programs take longer than star relaxations do.
     telling : float
         Seconds, measured or expected, from which a relaxation tells how fast solvers are.
+    working_set : int
+        Constraints from which an objective is bounded on a working set of them.
+    most_working : float
+        Share of the constraints in a working set, at most.
+    binding, missing : float
+        Share of the largest price: constraints with less are left out of a working set at first,
+        and later of those that join it.
+    working_rounds : int
+        Local searches after which constraints are added to a working set, at most.
+    working_slice : float
+        Seconds that a tree on a working set grows before all neighbours join.
+    long_star : float
+        Expected seconds of a star relaxation from which working sets are worth their local
+        searches.
     """
 
     nodes_per_effort: float = 4.0
@@ -109,6 +123,13 @@ class StrategySettings:
     few_variables: int = 12
     long_problem: int = 300
     telling: float = 0.05
+    working_set: int = 60
+    most_working: float = 0.8
+    binding: float = 1e-3
+    missing: float = 0.1
+    working_rounds: int = 8
+    working_slice: float = 1.5
+    long_star: float = 1.5
 
 
 STRATEGY = StrategySettings()

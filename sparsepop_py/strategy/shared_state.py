@@ -15,7 +15,6 @@ from sparsepop_py.relaxation.hierarchy import (
     CostModel,
     Families,
     RelaxationSpec,
-    families,
     relaxation_specs,
 )
 from sparsepop_py.relaxation.shapes import Products
@@ -72,7 +71,7 @@ class SharedState:
     def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> SharedState:
         """Analyse the structure of a problem and its objectives."""
         products = Products.of(problem, objectives)
-        cliques = families(problem, objectives, options.sparse, options.chordal)
+        cliques = Families(problem, objectives, options.sparse, options.chordal)
         specs = relaxation_specs(problem, cliques, tuple(objectives), options.order, options.skip)
         specs = tuple(replace(spec, memory=options.memory_limit) for spec in specs)
         specs = tuple(spec for spec in specs if spec.fits(cliques))

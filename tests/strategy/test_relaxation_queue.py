@@ -19,7 +19,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
-from sparsepop_py.relaxation.hierarchy import CostModel, RelaxationSpec, families, progress
+from sparsepop_py.relaxation.hierarchy import CostModel, Families, RelaxationSpec, progress
 from sparsepop_py.strategy import adaptive, relaxation_queue
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
@@ -54,7 +54,7 @@ def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
     """A block of 500 variables has 125 751 entries, and the square of that is stored."""
     x = sp.variables(variables)
     problem = Problem(x[0], [sum(x) == 1], lower=-1, upper=1)
-    whole = families(problem, (problem.objective,), True, "min-degree")
+    whole = Families(problem, (problem.objective,), True, "min-degree")
     spec = RelaxationSpec("mixed", 0.8, "mixed", memory=5e9)
     assert spec.fits(whole) == expected
 
@@ -116,7 +116,7 @@ def test_a_box_made_with_a_lower_cutoff_is_left_where_the_cutoff_rises(skip):
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():
     problem = bilinear()
     replay, box = Replay(problem, None), Interval(problem.lower, problem.upper)
-    usual = families(problem, [problem.objective], True, "min-degree")["constraints"]
+    usual = Families(problem, [problem.objective], True, "min-degree")["constraints"]
     smaller, step, empty = tighten_bounds(
         replay, LinearRelaxation.of(problem, box, usual), box, (0, 1, 2)
     )

@@ -1,0 +1,291 @@
+"""Bound one objective on a working set of constraints, for problems with many of them.
+
+Where few variables complicate many constraints (records of a dynamic system, say), few of the
+constraints decide an objective: those that bind at its minimiser, with their neighbours. A lower
+bound from these alone is a bound of the whole problem, at a price that does not grow with it.
+
+    binding at the incumbent -> neighbours -> search -> gap closed: done
+                                  ^             | else the complicating variables of its last point
+                                  +- violated --+ are held fixed in one linear program over all
+
+Constraints that no choice of the other variables satisfies then join the set. Where there are
+none, the point leads to a better incumbent, or the relaxation has to become tighter. The search
+goes on over all constraints where a good part of them has joined, or where nothing is left to try.
+
+References
+----------
+J. E. Kelley, The cutting-plane method for solving convex programs, J. SIAM 8, 1960 (constraints
+added where they are violated).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.relaxation_bound import Model, better
+from sparsepop_py.bounding.subproblem import Subproblem
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.incumbents import update_incumbent
+from sparsepop_py.local_search.slp import conflict_prices, row_prices, sequential_search
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.hierarchy import Families
+from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.steps import BoxProof
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = ["WorkingSetSearch", "suits"]
+
+_NO_PRICE = 1e-9
+
+
+def suits(search: AdaptiveSearch) -> bool:
+    """Check that a search is worth working sets.
+
+    Few variables have to complicate many constraints, each of them a polynomial that meets few
+    others, and their relaxation has to take a while.
+    """
+    problem, state = search.context.problem, search.shared_state
+    if "working_set" in search.context.options.skip or not state.products.has_star:
+        return False
+    if len(problem.constraints) < STRATEGY.working_set or problem.squares:
+        return False
+    if any(c.entries for c in problem.constraints):
+        return False
+    stars = (search.queue.seconds(spec) for spec in state.specs if spec.shape == "star")
+    return next(stars, 0.0) >= STRATEGY.long_star
+
+
+@dataclass(eq=False)
+class WorkingSetSearch:
+    """Search for one objective on a working set of constraints. Mutable.
+
+    Parameters
+    ----------
+    whole : AdaptiveSearch
+        The search on all constraints: it gets what is proved, incumbents and history.
+    done : bool
+        Whether the whole search has to go on.
+    """
+
+    whole: AdaptiveSearch
+    done: bool = False
+    rows: NDArray[np.int64] | None = None
+    small: Subproblem | None = None
+    search: AdaptiveSearch | None = None
+    base: Model | None = None
+
+    def run(self, most: int) -> None:
+        """Improve the bound of the whole search in at most so many steps.
+
+        Parameters
+        ----------
+        most : int
+        """
+        whole = self.whole
+        for _ in range(most):
+            if whole.over or self.done:
+                return
+            if not self._ready():
+                self.done = True
+                return
+            assert self.search is not None
+            self.search.run(1)
+            self._take()
+            if not whole.over:
+                self._grow()
+
+    # ---- the set ------------------------------------------------------------------------------
+
+    @cached_property
+    def _held(self) -> NDArray[np.int64]:
+        """The complicating variables."""
+        return np.array(self.whole.shared_state.products.complicating, np.int64)
+
+    @cached_property
+    def _meet(self) -> sps.csr_array:
+        """Constraints that share a variable other than those that most of them share, (m, m)."""
+        rows = self.whole.context.problem.rows
+        row, column = rows.jacobian_places()
+        own = ~np.isin(column, self.whole.shared_state.products.shared)
+        shape = rows.size, rows.dimension
+        meets = sps.csr_array((np.ones(own.sum()), (row[own], column[own])), shape=shape)
+        return (meets @ meets.T).tocsr()
+
+    def _near(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Add to constraints those that share a variable with them."""
+        mark = np.zeros(self._meet.shape[0])
+        mark[rows] = 1.0
+        return np.flatnonzero(self._meet @ mark + mark)
+
+    def _ready(self) -> bool:
+        """Prepare the search on the current box; False if there is no small set."""
+        context = self.whole.context
+        if context.best is None:
+            return False
+        if self.rows is None:
+            with context.stages.stage("refine"):
+                on_box = _on_box(context.problem, self.whole.model.box)
+                price = row_prices(on_box, context.best.x, self._held)
+            if not self._set(self._near(_largest(price, STRATEGY.binding))):
+                return False
+            self._complete(context.best.x)
+            if self.done:
+                return False
+        if self.search is None:
+            self._begin()
+        elif self.base is not self.whole.shared_model:
+            self._restart()
+        assert self.search is not None and self.small is not None
+        self.search.context = replace(
+            self.search.context, best=self._incumbent(), unit=context.unit
+        )
+        return not self.search.exhausted
+
+    def _set(self, rows: NDArray[np.int64]) -> bool:
+        """Take a working set; False where it is empty or nearly all."""
+        total = len(self.whole.context.problem.constraints)
+        if not 0 < rows.size <= STRATEGY.most_working * total:
+            return False
+        self.rows, self.search = rows, None
+        self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
+        return True
+
+    def _grow(self) -> None:
+        """Add constraints that the last point contradicts, or search an incumbent from it.
+
+        Constraints that do not bind make a relaxation tighter, too: where a tree was grown and none
+        is missing, all neighbours join.
+        """
+        assert self.search is not None and self.small is not None
+        point, self.search.point = self.search.point, None
+        context = self.whole.context
+        if point is None or context.best is None:
+            return
+        x, tree = self.small.point(point, context.best.x), self.search.search
+        self._joined(x)
+        self._complete(x)
+        if self.search is not None and tree is not None and not self.whole.over:
+            assert self.rows is not None
+            self.done = not self._set(self._near(self._near(self.rows)))
+
+    def _complete(self, x: NDArray[np.float64]) -> None:
+        """Add constraints until local searches on the set find nothing below the target."""
+        for _ in range(STRATEGY.working_rounds):
+            if self.small is None or self.done:
+                return
+            least = self._minimiser(self.small, x)
+            below = self.whole.context.problem.objective(least) < self.whole.context.target
+            if not below or not self._joined(least):
+                return
+
+    def _minimiser(self, small: Subproblem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Find a local minimiser on the set, in the variables of the whole problem."""
+        context, problem = self.whole.context, small.problem
+        held = np.searchsorted(small.variables, self._held)
+        on_box = _on_box(problem, small.box(self.whole.model.box))
+        with context.stages.stage("refine"):
+            start, end = x[small.variables], context.deadline.end
+            y = sequential_search(on_box, start, tuple(held.tolist()), end=end)
+        return small.point(y, x)
+
+    def _joined(self, x: NDArray[np.float64]) -> bool:
+        """Add constraints in conflict at a point, or search an incumbent where there are none."""
+        assert self.rows is not None
+        context = self.whole.context
+        with context.stages.stage("refine"):
+            on_box = _on_box(context.problem, self.whole.model.box)
+            price = conflict_prices(on_box, x, self._held)
+        if not price.any():
+            self.whole.context, _ = update_incumbent(context, [x], self.whole.bound)
+            return False
+        price[self.rows] = 0.0
+        missing = _largest(price, STRATEGY.missing)
+        if missing.size:
+            self.done = not self._set(np.union1d(self.rows, self._near(missing)))
+        return bool(missing.size)
+
+    # ---- the search on it ---------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        small, whole = self.small, self.whole
+        assert small is not None
+        problem, context = small.problem, whole.context
+        place = np.full(context.problem.dimension, -1, np.int64)
+        place[small.variables] = np.arange(small.variables.size)
+        branch = context.options.branch_on
+        options = replace(
+            context.options,
+            refine="none",
+            branch_on=None if branch is None else tuple(int(place[v]) for v in branch),
+        )
+        shared = whole.shared_state
+        state = replace(
+            shared,
+            products=Products.of(problem),
+            cliques=Families(problem, (), options.sparse, options.chordal),
+            variables=tuple(int(place[v]) for v in shared.variables),
+            estimates={},
+            active=None,
+            obbt_lp="obbt_lp" not in options.skip,
+        )
+        own: SolveContext = replace(
+            context, problem=problem, options=options, best=self._incumbent(), repair=None
+        )
+        longest = STRATEGY.working_slice
+        self.search = AdaptiveSearch(own, self._model(), [], state, longest_slice=longest)
+
+    def _restart(self) -> None:
+        assert self.search is not None
+        self.search.restart(self._model())
+
+    def _model(self) -> Model:
+        """The shared box, restricted; its proof stands in front when certificates are restated."""
+        assert self.small is not None
+        self.base = self.whole.shared_model
+        return Model(BoxProof(), self.small.box(self.base.box))
+
+    def _incumbent(self) -> ProvedPoint | None:
+        """The incumbent's value, for cutoffs: the point is feasible here, too."""
+        best, small = self.whole.context.best, self.small
+        if best is None or small is None:
+            return None
+        nothing = np.zeros(0, np.int64)
+        return replace(best, x=best.x[small.variables], rows=nothing, solved=nothing)
+
+    def _take(self) -> None:
+        """Give the whole search what is proved, restated."""
+        small, search, whole, base = self.small, self.search, self.whole, self.base
+        assert small is not None and search is not None and base is not None
+        certificate = search.outcome.certificate
+        if certificate is not None and certificate.bound > whole.bound:
+            steps, box = base.proof.steps, base.box
+            again = small.restated(certificate, steps, box)
+            made = replace(search.outcome, model=base, certificate=again, relaxation=None)
+            made = replace(made, solution=None, simpler=None)
+            whole.outcome = better(whole.outcome, made)
+            whole.context.report(whole.bound)
+        number = small.rows.size
+        for entry in search.history:
+            name = f"{entry.name} on {number} constraints"
+            whole.history.append(
+                replace(entry, name=name, lower_bound=whole.bound, upper_bound=whole.context.upper)
+            )
+        search.history.clear()
+
+
+def _largest(price: NDArray[np.float64], share: float) -> NDArray[np.int64]:
+    """List the constraints whose prices are a good share of the largest, without rounding."""
+    return np.flatnonzero(price > max(share * price.max(initial=0.0), _NO_PRICE))
+
+
+def _on_box(problem: Problem, box: Interval) -> Problem:
+    """Put a problem on a smaller box."""
+    return Problem(problem.objective, problem.constraints, box.lo, box.hi, problem.names)

@@ -1,0 +1,105 @@
+"""Certificates of problems with fewer constraints, restated for the whole problem."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Problem
+from sparsepop_py.bounding.subproblem import Subproblem
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Tightening
+
+SKIPS = {
+    "star": Options(effort="auto", skip=["linear", "linear_tree"], gap=1e-4),
+    "linear": Options(
+        effort="auto", skip=["star", "split", "mixed", "full", "linear_tree"], node_limit=8
+    ),
+    "tree": Options(effort="auto", skip=["full", "split", "linear_tree"], gap=1e-9, node_limit=8),
+    "order 2": Options(effort="presolve", order=2),
+}
+
+
+def chain(samples=9, bound=0.1):
+    """(y_k - e_k) = a (y_k-1 - e_k-1) + b u_k, a = .5, b = 1, noise-free."""
+    theta = sp.variables(2 + samples)
+    a, b, e = theta[0], theta[1], theta[2:]
+    u = [1.0 if k % 3 else -0.5 for k in range(samples)]
+    y = [0.0]
+    for k in range(1, samples):
+        y.append(0.5 * y[-1] + u[k])
+    rows = [(y[k] - e[k]) - a * (y[k - 1] - e[k - 1]) - b * u[k] == 0 for k in range(1, samples)]
+    low = np.r_[0.0, 0.0, np.full(samples, -bound)]
+    return Problem(a, rows, low, np.r_[0.9, 2.0, np.full(samples, bound)])
+
+
+@pytest.mark.parametrize("options", SKIPS.values(), ids=SKIPS)
+@pytest.mark.parametrize("rows", [[0, 1, 2, 3, 4, 5, 6, 7], [2, 3, 4, 5], [1, 6]])
+def test_a_restated_certificate_proves_its_bound_of_the_whole(options, rows):
+    whole = chain()
+    small = Subproblem.of(whole, np.array(rows), np.array([0, 1]))
+    found = sp.solve(small.problem, options)
+    box = Interval(whole.lower, whole.upper)
+    again = small.restated(found.certificate, (), box)
+    verdict = again.verify(whole)
+    assert verdict.ok, verdict.reason
+    assert found.lower_bound <= verdict.bound <= 0.5  # the truth is feasible
+    assert len(list(again.root)) == len(list(found.certificate.root))
+
+
+def test_tightenings_and_trees_are_restated():
+    """Duals, identities, steps with a cutoff and branches, each numbered as in the whole."""
+    whole = chain()
+    small = Subproblem.of(whole, np.array([2, 3, 4, 5]), np.array([0, 1]))
+    box = Interval(whole.lower, whole.upper)
+    dual = sp.solve(small.problem, SKIPS["linear"]).certificate.root.argument
+    identity = sp.solve(small.problem, SKIPS["star"]).certificate.root.argument
+    assert isinstance(dual, LinearDual) and isinstance(identity, Identity)
+    replay = Replay(small.problem, None)
+    value = prove(replay, small.box(box), identity, False).bound
+    one, side = np.array([0]), np.array([1])  # the objective is the first variable
+    step = Tightening(one, side, np.array([value]), identity, False)
+    ends = Node(argument=dual), Node(argument=identity)
+    root = Node(BoxProof((step,)), branch=(1, 1.0), children=ends)
+    found = Certificate(small.problem.fingerprint, value, root)
+    assert found.verify(small.problem).ok
+    again = small.restated(found, (), box)
+    assert again.root.branch == (1, 1.0) and again.verify(whole).ok
+    lone = replace(again, root=Node(again.root.box))
+    assert lone.verify(whole).ok  # the step alone proves it
+    cutoff = replace(step, uses_cutoff=True)  # one more row stands behind the constraints
+    below = replace(found, root=Node(BoxProof((cutoff,))), cutoff=0.6)
+    assert below.verify(small.problem).bound == small.restated(below, (), box).verify(whole).bound
+
+
+@given(st.sets(st.integers(0, 7), min_size=1), st.floats(0.01, 0.3))
+def test_variables_that_are_left_out_keep_their_ranges(rows, bound):
+    whole = chain(bound=bound)
+    small = Subproblem.of(whole, np.array(sorted(rows)))
+    assert all(
+        np.array_equal(
+            small.problem.constraints[k].polynomial.coefficients,
+            whole.constraints[row].polynomial.coefficients,
+        )
+        for k, row in enumerate(sorted(rows))
+    )
+    x = np.linspace(-0.4, 0.7, whole.dimension)
+    ours = small.problem.rows.values(x[small.variables])
+    assert np.array_equal(ours, whole.rows.values(x)[sorted(rows)])
+
+
+def test_a_false_claim_is_not_made_true():
+    whole = chain()
+    small = Subproblem.of(whole, np.array([2, 3, 4, 5]), np.array([0, 1]))
+    found = sp.solve(small.problem, SKIPS["star"]).certificate
+    raised = replace(found, bound=found.bound + 0.01, cutoff=None)
+    again = small.restated(raised, (), Interval(whole.lower, whole.upper))
+    assert not again.verify(whole).ok

@@ -1,0 +1,147 @@
+"""Bounds from a working set of constraints: against linear programs, and against all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from solved import check
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Problem, Status
+from sparsepop_py.local_search import slp
+from sparsepop_py.strategy import settings, working_set
+
+WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60.0)
+SAMPLES, NOISE, TRUTH = 81, 0.05, (0.6, 1.0)
+
+
+def record(seed=3, samples=SAMPLES):
+    """Input and output of y_k = .6 y_k-1 + u_k, the output with noise of at most .05."""
+    random = np.random.default_rng(seed)
+    u, y = random.uniform(-1, 1, samples), np.zeros(samples)
+    for k in range(1, samples):
+        y[k] = TRUTH[0] * y[k - 1] + TRUTH[1] * u[k]
+    return u, y + random.uniform(-NOISE, NOISE, samples)
+
+
+def problem_of(u, y):
+    samples = u.size
+    x = sp.variables(2 + samples)
+    a, b, e = x[0], x[1], x[2:]
+    rows = [y[k] - e[k] - a * (y[k - 1] - e[k - 1]) - b * u[k] == 0 for k in range(1, samples)]
+    low = np.r_[-0.95, -5.0, np.full(samples, -NOISE)]
+    return Problem(a, rows, low, np.r_[0.95, 5.0, np.full(samples, NOISE)])
+
+
+def feasible(u, y, a):
+    """Least and largest b for a given a, by a linear program in b and the noise; None if none."""
+    samples = u.size
+    matrix, right = np.zeros((samples - 1, 1 + samples)), np.zeros(samples - 1)
+    for k in range(1, samples):
+        matrix[k - 1, 0], matrix[k - 1, 1 + k], matrix[k - 1, k] = u[k], 1.0, -a
+        right[k - 1] = y[k] - a * y[k - 1]
+    bounds = [(-5, 5)] + [(-NOISE, NOISE)] * samples
+    ends = []
+    for sign in (1.0, -1.0):
+        cost = np.zeros(1 + samples)
+        cost[0] = sign
+        found = linprog(cost, A_eq=matrix, b_eq=right, bounds=bounds)
+        if found.status != 0:
+            return None
+        ends.append(sign * found.fun)
+    return ends
+
+
+def end_of(u, y, side):
+    """The end of the feasible values of a on one side of the truth, by bisection."""
+    inside, outside = TRUTH[0], side * 0.95
+    assert feasible(u, y, inside) is not None and feasible(u, y, outside) is None
+    for _ in range(30):
+        middle = 0.5 * (inside + outside)
+        if feasible(u, y, middle) is None:
+            outside = middle
+        else:
+            inside = middle
+    return inside
+
+
+def both_ends(problem, options=WIDTH):
+    x = sp.variables(problem.dimension)
+    ends = [side * v for v in x[:2] for side in (1.0, -1.0)]
+    results = sp.solve_each(problem, ends, options)
+    for end, result in zip(ends, results, strict=True):
+        check(problem.with_objective(end), result)
+    return results
+
+
+def sizes(results):
+    """Constraints of the working sets that were used."""
+    names = [entry.name for result in results for entry in result.history]
+    return [int(name.split()[-2]) for name in names if name.endswith("constraints")]
+
+
+def test_ends_agree_with_linear_programs_at_fixed_poles():
+    u, y = record()
+    results = both_ends(problem_of(u, y))
+    assert all(result.status is Status.OPTIMAL for result in results)
+    width = -results[1].upper_bound - results[0].upper_bound
+    for result, side in zip(results[:2], (-1.0, 1.0), strict=True):
+        end = -side * end_of(u, y, side)
+        assert result.lower_bound <= end + 1e-7
+        assert result.lower_bound >= end - 1.1e-3 * width - 1e-7
+    assert sizes(results) and max(sizes(results)) <= 0.8 * (SAMPLES - 1)
+
+
+def test_a_set_that_is_not_enough_grows(monkeypatch):
+    """Three constraints are too few: those that contradict what they admit join them."""
+    monkeypatch.setattr(working_set, "row_prices", lambda *_: 1.0 * (np.arange(80) < 3))
+    u, y = record()
+    results = both_ends(problem_of(u, y))
+    assert all(result.status is Status.OPTIMAL for result in results)
+    assert sizes(results) and min(sizes(results)) > 4
+
+
+@pytest.fixture(autouse=True)
+def worth_it(monkeypatch):
+    """Working sets also where a relaxation of all constraints takes no time."""
+    monkeypatch.setattr(working_set, "STRATEGY", settings.StrategySettings(long_star=0.0))
+
+
+@pytest.mark.parametrize("case", ["none", "all", "quick", "skipped"])
+def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
+    options = WIDTH
+    if case == "none":
+        monkeypatch.setattr(working_set, "row_prices", lambda *_: np.zeros(80))
+    elif case == "all":
+        least = settings.StrategySettings(most_working=0.0, long_star=0.0)
+        monkeypatch.setattr(working_set, "STRATEGY", least)
+    elif case == "quick":
+        monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    else:
+        options = Options(
+            effort="auto", gap=1e-3, gap_kind="width", time_limit=60.0, skip=["working_set"]
+        )
+    results = both_ends(problem_of(*record()), options)
+    assert all(result.status is Status.OPTIMAL for result in results)
+    assert not sizes(results)
+
+
+def test_prices_of_a_small_problem():
+    """x >= 1 binds at 1, x >= -5 does not; x = 3 contradicts x y = 6 with y <= 1."""
+    x, y = sp.variables(2)
+    problem = Problem(x, [x >= 1, x >= -5, x * y <= 100], lower=-10, upper=10)
+    held = np.array([0])
+    assert np.flatnonzero(slp.row_prices(problem, np.array([1.0, 0.0]), held)).tolist() == [0]
+    other = Problem(x, [x * y == 6, x + y <= 4, y >= -9], lower=-10, upper=10)
+    price = slp.conflict_prices(other, np.array([3.0, 0.0]), held)
+    assert np.flatnonzero(price).tolist() == [0, 1]
+    assert not slp.conflict_prices(other, np.array([-1.0, 0.0]), held).any()
+
+
+def test_an_infeasible_record_is_proved_empty():
+    u, y = record()
+    y = y.copy()
+    y[40] += 1.0  # no noise of .05 explains it
+    results = both_ends(problem_of(u, y))
+    assert all(result.status is Status.INFEASIBLE for result in results)
