@@ -41,6 +41,10 @@ _PROGRAMS = 2  # a cone before it is parted
 _POOL = 10  # families that a cone hands on
 _UNEVEN = 24  # largest power of two between the weights of an edge
 _MEMORY = 2.0**28  # bytes of multipliers
+_RATIOS, _GROWN = 10, 1e-2  # steps to the largest ratio of a cone, and the least of them
+_DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
+_TINY, _ALMOST = 1e-7, 1e-4
+_LOWER = 0.01  # of a level: where a descent is worth it
 _ALMOST_STABLE = 1.0 + 1e-9
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
@@ -110,6 +114,7 @@ class _Search:
     ) -> None:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
         self.level, self.best = np.inf, list[Reals]()
+        self._descended = np.inf  # the level from which there was a descent
         self.multipliers: list[Reals] = []  # (N,) each
         self._leaves: list[VaryingLeaf | None] = []  # what refutes each cone as a whole
         self._proved: list[float] = []
@@ -137,16 +142,26 @@ class _Search:
         return level
 
     def improve(self) -> None:
-        """Descend from the best denominator (J. A. Nelder, R. Mead, 1965)."""
-        if not self._rows.order:
-            return
-        found = minimize(
-            lambda a: min(self.try_denominator(np.append(1.0, a)), 1e3 * self.level),
-            self.best[0],
+        """Descend from the best denominator (J. A. Nelder, R. Mead, 1965).
+
+        The unknowns are logarithms of the coefficients in (z - 1) / (z + 1), positive for stable
+        denominators; these are as fine near poles at 1 and -1 as elsewhere.
+        """
+        self._descended, n = self.level, self._rows.order
+        basis = first_cones(n, True)[0].astype(np.float64)
+        start = np.append(1.0, self.best[0]) @ basis / 2.0**n
+        sign, size = np.where(start < 0.0, -1.0, 1.0), np.abs(start)
+        begin = np.log(np.maximum(size, _TINY * size.max()))
+        minimize(
+            lambda x: min(self.try_denominator((sign * np.exp(x)) @ basis), 1e3 * self.level),
+            begin,
             method="Nelder-Mead",
-            options={"maxfev": 150 * self._rows.order, "fatol": 1e-4 * self.level},
+            options={
+                "maxfev": _DESCENT * n,
+                "fatol": _ALMOST * self.level,
+                "initial_simplex": begin + _STEP * np.vstack([np.zeros(n + 1), np.eye(n + 1)]),
+            },
         )
-        assert found.x.size == self._rows.order
 
     def _note(self, a: Reals, level: float) -> None:
         if not level < self.level or abs(a[0]) <= 1e-6 * np.abs(a).max():
@@ -293,7 +308,7 @@ class _Search:
         weights[which[0]] = 1.0
         return VaryingLeaf((), (), powers, tuple(weights.tolist()))
 
-    def _add(self, node: _Node) -> None:
+    def _add(self, node: _Node, least: float = 0.0) -> None:
         """File a cone with what refutes it."""
         number = len(self._leaves)
         self._leaves.append(None)
@@ -310,7 +325,7 @@ class _Search:
             kept = [kept[i] for i in _kept(weighed.own)]
         if self._proved[number] < self.target:
             node = node._replace(number=number, families=kept)
-            heapq.heappush(self._waiting, (self._proved[number], number, node))
+            heapq.heappush(self._waiting, (max(least, self._proved[number]), number, node))
 
     def _worked(self, node: _Node) -> tuple[_Node, _Weighed | None]:
         """Add families until they refute the target in a cone, or enough of them failed."""
@@ -323,7 +338,7 @@ class _Search:
                 more = self._new_families(a / np.abs(a).max(), node)
                 if more is None:
                     break
-                node = more if program < 2 else more._replace(centre=node.centre)
+                node = more
                 powers = self._powers(node)
             families, weighed = self._weighed(node, powers)
             if weighed is None:
@@ -343,6 +358,8 @@ class _Search:
             if low >= self.target or self._deadline.over or len(self.multipliers) > self._most:
                 break
             self._part(node, low)
+            if self.level < (1.0 - _LOWER) * self._descended:
+                self.improve()
 
     def _part(self, node: _Node, low: float) -> None:
         """Part a cone at the edge along which its multiplier changes most."""
@@ -361,7 +378,7 @@ class _Search:
         first = len(self._leaves)
         self._parted[node.number] = Cell((first, first + 1), (i, j), weights)
         for part in parts:
-            self._add(node._replace(number=-1, cone=part))
+            self._add(node._replace(number=-1, cone=part), low)
 
     def found(self, output: int) -> FoundDenominators:
         """State what the tree refutes; parts that refute less than their whole are left out."""
@@ -419,25 +436,22 @@ def _shared(
     """
     values = np.vstack([needed, -needed, minors])
     noises = np.vstack([noise, noise, 0.0 * minors])
-    best, weights, factor, above = 0.0, np.zeros(len(values)), target, True
+    best, weights, factor = 0.0, np.zeros(len(values)), target
     mixture = np.full(values.shape[1], 1.0 / values.shape[1])
-    for _ in range(10):
-        found, worst = matrix_game(values - factor * noises)
+    scale = np.ones(values.shape[1])
+    for _ in range(_RATIOS):  # each pair in its own scale (J.-P. Crouzeix, J. A. Ferland, 1991)
+        found, worst = matrix_game((values - factor * noises) / scale)
         if found is None or worst is None:
             break
         mixture = worst if factor == target else mixture
         low = _ratio(found @ values, found @ noises)
-        grown = low > best * (1.0 + 1e-3)
+        grown = low > best * (1.0 + _GROWN)
         if low > best:
             best, weights = low, found
-        if best >= target:
+            scale = np.maximum(found @ noises, 1e-3 * noise.mean(axis=0))
+        if best >= target or not (grown or factor == target):
             break
-        if above and low <= factor:  # the target is out of reach: go on from below
-            above, factor = False, best
-        elif not grown:
-            break
-        else:
-            factor = best
+        factor = best
     return best, weights, mixture
 
 
