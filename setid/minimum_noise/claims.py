@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +45,7 @@ class FoundDenominators:
 def claimed(
     rows: OutputRows,
     claim: DenominatorCells,
+    multiplier: Callable[[int], Reals],
     proved: Sequence[float],
     best: Sequence[Reals],
 ) -> FoundDenominators:
@@ -54,12 +55,14 @@ def claimed(
     ----------
     rows : OutputRows
     claim : DenominatorCells
-        With all multipliers.
+        Without multipliers.
+    multiplier : callable
+        From the number of a multiplier to itself, (N,).
     proved : sequence of float
         The factor that each cell refutes, before rounding.
     best : sequence of (n,) float
     """
-    leaves = [n for n, cell in enumerate(claim.cells) if not (_is_parted(cell))]
+    leaves = [n for n, cell in enumerate(claim.cells) if not _is_parted(cell)]
     factor = min(proved[number] for number in leaves)
     nothing = FoundDenominators(0.0, None, tuple(best))
     if not 0.0 < factor < np.inf:
@@ -68,7 +71,7 @@ def claimed(
     place = {m: i for i, m in enumerate(numbers)}
     cells = tuple(_renumbered(cell, place) for cell in claim.cells)
     kind = VaryingCells if isinstance(claim, VaryingCells) else DenominatorCells
-    proof = kind(claim.output, claim.free, claim.multipliers[numbers], cells)
+    proof = kind(claim.output, claim.free, np.array([multiplier(m) for m in numbers]), cells)
     for loss in _LOSSES:
         least = factor * (1.0 - loss)
         if proof.follows(rows._replace(bound=rows.bound * (least * _OVER))):

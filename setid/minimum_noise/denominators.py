@@ -306,6 +306,7 @@ class _Search:
 
     def _found(self) -> FoundDenominators:
         assert self._programs.free is not None
-        table = np.array(self._multipliers).reshape(-1, self._rows.y.size)
-        claim = DenominatorCells(self._output, self._programs.free, table, tuple(self._cells))
-        return claimed(self._rows, claim, self._proved, self._best)
+        none, free = np.zeros((0, self._rows.y.size)), self._programs.free
+        claim = DenominatorCells(self._output, free, none, tuple(self._cells))
+        numbered = self._multipliers.__getitem__
+        return claimed(self._rows, claim, numbered, self._proved, self._best)

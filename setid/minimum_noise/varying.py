@@ -45,7 +45,7 @@ _RATIOS, _GROWN = 10, 1e-2  # steps to the largest ratio of a cone, and the leas
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _TINY, _ALMOST = 1e-7, 1e-4
 _LOWER = 0.01  # of a level: where a descent is worth it
-_ALMOST_STABLE = 1.0 + 1e-9
+_ALMOST_STABLE = 1.0 + 1e-4
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
@@ -115,7 +115,7 @@ class _Search:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
         self.level, self.best = np.inf, list[Reals]()
         self._descended = np.inf  # the level from which there was a descent
-        self.multipliers: list[Reals] = []  # (N,) each
+        self._ahead: list[Reals] = []  # (n + 1, S) each: a multiplier i samples ahead
         self._leaves: list[VaryingLeaf | None] = []  # what refutes each cone as a whole
         self._proved: list[float] = []
         self._parted: list[Cell | None] = []
@@ -135,11 +135,19 @@ class _Search:
     # ---- denominators ----
 
     def try_denominator(self, a: Reals) -> float:
-        """Return the noise that a denominator needs; remember it if it is the best."""
-        solved = self._programs.solve(a / np.abs(a).max(), None)
-        level = np.inf if solved is None else solved[0]
-        self._note(a, level)
-        return level
+        """Return the noise that a denominator needs, made stable; remember it if it is the best."""
+        if not abs(a[0]) > 1e-6 * np.abs(a).max():
+            return np.inf
+        monic = np.asarray(a / a[0], np.float64)
+        if self._rows.stable:
+            largest = float(np.abs(np.roots(monic)).max(initial=0.0))
+            monic = monic * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(monic.size)
+        solved = self._programs.solve(monic / np.abs(monic).max(), None)
+        if solved is None:
+            return np.inf
+        if solved[0] < self.level:
+            self.level, self.best = solved[0], [monic[1:], *self.best[:4]]
+        return solved[0]
 
     def improve(self) -> None:
         """Descend from the best denominator (J. A. Nelder, R. Mead, 1965).
@@ -163,16 +171,8 @@ class _Search:
             },
         )
 
-    def _note(self, a: Reals, level: float) -> None:
-        if not level < self.level or abs(a[0]) <= 1e-6 * np.abs(a).max():
-            return
-        monic = np.asarray(a / a[0], np.float64)
-        if self._rows.stable:
-            largest = float(np.abs(np.roots(monic)).max(initial=0.0))
-            if largest > _ALMOST_STABLE:
-                return
-            monic = monic * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(monic.size)
-        self.level, self.best = level, [monic[1:], *self.best[:4]]
+    def _is_stable(self, a: Reals) -> bool:
+        return not self._rows.stable or bool(np.abs(np.roots(a)).max(initial=0.0) < _ALMOST_STABLE)
 
     # ---- multipliers ----
 
@@ -187,18 +187,11 @@ class _Search:
                 found = found - programs.basis @ (programs.basis.T @ found)
         if not np.all(np.isfinite(found)):
             return -1
-        whole = np.zeros(self._rows.y.size)
-        whole[programs.section] = found
-        self.multipliers.append(whole)
-        self._moments.append(self._ahead(len(self.multipliers) - 1) @ programs.y)
-        return len(self.multipliers) - 1
-
-    def _ahead(self, number: int) -> Reals:
-        """A multiplier i samples ahead, (n + 1, S)."""
-        n, programs = self._rows.order, self._programs
-        inside = self.multipliers[number][programs.section]
-        padded = np.concatenate([np.zeros(n), inside, np.zeros(n)])
-        return np.asarray(sliding_window_view(padded, programs.y.size), np.float64)
+        n, length = self._rows.order, programs.y.size
+        padded = np.concatenate([np.zeros(n), found, np.zeros(n)])
+        self._ahead.append(sliding_window_view(padded, length))
+        self._moments.append(self._ahead[-1] @ programs.y)
+        return len(self._ahead) - 1
 
     def _orthonormal(self, a: Reals) -> Reals | None:
         with np.errstate(all="ignore"):
@@ -232,7 +225,8 @@ class _Search:
         if solved is None or basis is None:
             return None
         level, _, reference = solved
-        self._note(a, level)
+        if level < self.level and self._is_stable(a):
+            self.try_denominator(a)
         target = (self._programs.y / self._programs.bound)[reference]
         shares = _null(basis[reference], target)
         number = self._new_multiplier(a, reference, shares)
@@ -256,7 +250,7 @@ class _Search:
                 continue
             value = vectors @ np.array([self._moments[m] for m in members]).T
             needed.append(value[one, two] + value[two, one])
-            filtered = np.array([vectors @ self._ahead(m) for m in members])  # [k, j]
+            filtered = np.array([vectors @ self._ahead[m] for m in members])  # [k, j]
             sums = filtered[one, two] + filtered[two, one]
             noise.append(np.abs(sums) @ self._programs.bound)
             families.append(family)
@@ -292,7 +286,7 @@ class _Search:
         vectors = node.cone.astype(np.float64)
         sizes = np.abs(vectors).max(axis=1)
         if node.centre >= 0:
-            sizes = np.abs(vectors @ self._ahead(node.centre)) @ self._programs.bound
+            sizes = np.abs(vectors @ self._ahead[node.centre]) @ self._programs.bound
         return tuple(int(p) for p in np.round(np.log2(np.maximum(sizes, 1e-100))))
 
     def _is_unstable(self, node: _Node) -> VaryingLeaf | None:
@@ -355,7 +349,7 @@ class _Search:
             self._add(_Node(-1, cone, [], None, -1))
         while self._waiting:
             low, _, node = heapq.heappop(self._waiting)
-            if low >= self.target or self._deadline.over or len(self.multipliers) > self._most:
+            if low >= self.target or self._deadline.over or len(self._ahead) > self._most:
                 break
             self._part(node, low)
             if self.level < (1.0 - _LOWER) * self._descended:
@@ -365,7 +359,7 @@ class _Search:
         """Part a cone at the edge along which its multiplier changes most."""
         i, j, uneven = 0, 1, 0
         if node.centre >= 0:
-            filtered = node.cone.astype(np.float64) @ self._ahead(node.centre)
+            filtered = node.cone.astype(np.float64) @ self._ahead[node.centre]
             sizes = np.maximum(np.abs(filtered) @ self._programs.bound, 1e-100)
             filtered /= sizes[:, None]
             apart = np.abs(filtered[:, None] - filtered[None]) @ self._programs.bound
@@ -402,9 +396,15 @@ class _Search:
                 cells.append(Cell() if leaf is None else leaf)
             proved.append(low[number])
         assert self._programs.free is not None
-        table = np.array(self.multipliers).reshape(-1, self._rows.y.size)
-        claim = VaryingCells(output, self._programs.free, table, tuple(cells))
-        return claimed(self._rows, claim, proved, self.best)
+        none, free = np.zeros((0, self._rows.y.size)), self._programs.free
+        claim = VaryingCells(output, free, none, tuple(cells))
+        return claimed(self._rows, claim, self._multiplier, proved, self.best)
+
+    def _multiplier(self, number: int) -> Reals:
+        """A multiplier over the whole record, (N,)."""
+        whole = np.zeros(self._rows.y.size)
+        whole[self._programs.section] = self._ahead[number][0, self._rows.order :]
+        return whole
 
 
 def _null(rows: Reals, like: Reals) -> Reals:
