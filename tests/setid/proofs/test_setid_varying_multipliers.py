@@ -128,6 +128,22 @@ def test_the_minor_of_a_cubic_by_hand() -> None:
     assert scaled.tolist() == [[expected.get(pair, 0.0) for pair in pairs(4)]]
 
 
+def test_minors_are_bilinear() -> None:
+    """H(v + w) = H(v) + H(w) + what is said of the pair, with b from linear equations."""
+    random, basis = np.random.default_rng(4), first_cones(3, True)[0].astype(float)
+    for _ in range(10):
+        cone = random.integers(-9, 10, (4, 4))
+        minors = dict(zip(pairs(4), hurwitz_minors(cone.astype(object), (0,) * 4)[0], strict=True))
+
+        def minor(a: np.ndarray) -> float:
+            b = 8.0 * np.linalg.solve(basis.T, a)
+            return float(b[1] * b[2] - b[0] * b[3])
+
+        for j, k in pairs(4):
+            expected = minor(cone[j] + cone[k]) - minor(cone[j]) - minor(cone[k])
+            assert minors[j, k] == pytest.approx(expected, abs=1e-6)
+
+
 def test_minors_are_nonnegative_at_stable_polynomials() -> None:
     random = np.random.default_rng(0)
     for _ in range(100):
@@ -230,7 +246,9 @@ def test_minors_leave_out_what_is_unstable(search: Search) -> None:
     assert not refutes(outside, 1.0, stable=False)
     assert not refutes(inside, -1.0)
     assert not refutes(outside, 0.0)
-    assert refutes(outside, 1.0, power=-290) and not refutes(outside, 1.0, power=-401)
+    far = outside * 2**390
+    assert refutes(outside, 1.0, power=-290) and refutes(far, 1.0, power=400)
+    assert not refutes(far, 1.0, power=401)
 
 
 def test_forged_leaves_are_refused(search: Search) -> None:
