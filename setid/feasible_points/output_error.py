@@ -79,12 +79,17 @@ class _Simulation:
                 break
             slopes = _slopes(shares, x, values)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
-        values = shares(x)
-        slopes = _slopes(shares, x, values)[:, others]
-        far = 1e3 * np.abs(values).max() / np.maximum(np.abs(slopes).max(axis=0), 1e-12)
-        step = _linear_step(values, slopes, far) if np.all(np.isfinite(slopes)) else None
-        if step is not None:
-            x[others] += step
+        for _ in range(2):  # orthonormal columns: near poles at 1 those of the unknowns are not
+            values = shares(x)
+            slopes = _slopes(shares, x, values)[:, others]
+            if not np.all(np.isfinite(slopes)):
+                break
+            columns, triangle = np.linalg.qr(slopes)
+            far = 2.0 * np.sqrt(values.size) * np.full(others.size, np.abs(values).max())
+            step = _linear_step(values, columns, far)
+            if step is None:
+                break
+            x[others] += np.linalg.lstsq(triangle, step, rcond=None)[0]
         return x
 
     def fitted(self) -> Reals:
