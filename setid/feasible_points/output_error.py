@@ -30,6 +30,7 @@ __all__ = ["least_largest_error", "output_error_fit"]
 Reals = NDArray[np.float64]
 _STEPS = 200  # evaluations of a local search
 _PROGRAMS = 12  # linear programs
+_REFINED = 3  # linear programs for a given denominator
 _HUGE = 1e100  # stands for errors that overflow
 
 
@@ -77,20 +78,25 @@ class _Simulation:
             values = shares(x)
             if np.any(np.abs(values) >= _HUGE):
                 break
-            slopes = _slopes(shares, x, values)[:, others]
+            slopes = _slopes(shares, x, values, 1.0)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
-        for _ in range(2):  # orthonormal columns: near poles at 1 those of the unknowns are not
+        best, least = x.copy(), inf
+        for _ in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
             values = shares(x)
-            slopes = _slopes(shares, x, values)[:, others]
-            if not np.all(np.isfinite(slopes)):
+            largest = float(np.abs(values).max())
+            if largest < least:
+                best = x.copy()
+            slopes = _slopes(shares, x, values, 1.0)[:, others]
+            if not (largest < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
                 break
+            least = largest
             columns, triangle = np.linalg.qr(slopes)
-            far = 2.0 * np.sqrt(values.size) * np.full(others.size, np.abs(values).max())
+            far = np.full(columns.shape[1], 2.0 * np.sqrt(values.size) * largest)
             step = _linear_step(values, columns, far)
             if step is None:
                 break
             x[others] += np.linalg.lstsq(triangle, step, rcond=None)[0]
-        return x
+        return best
 
     def fitted(self) -> Reals:
         """Local minimiser of the squares, or the best vector until time is over."""
@@ -196,11 +202,13 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
     return x
 
 
-def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals) -> Reals:
-    """Derivatives (R, k) by differences."""
+def _slopes(
+    shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: float = 1e-7
+) -> Reals:
+    """Derivatives (R, k) by differences over a part of each unknown."""
     found = np.zeros((values.size, x.size))
     for place in range(x.size):
-        step = 1e-7 * max(abs(float(x[place])), 1e-3)
+        step = part * max(abs(float(x[place])), 1e-3)
         moved = x.copy()
         moved[place] += step
         found[:, place] = (shares(moved) - values) / step
