@@ -40,7 +40,7 @@ Integers = NDArray[np.int64]
 _PROGRAMS = 2  # a cone before it is parted
 _POOL = 10  # families that a cone hands on
 _UNEVEN = 24  # largest power of two between the weights of an edge
-_MEMORY = 2.0**28  # bytes of multipliers
+_MEMORY = 2.0**29  # bytes of multipliers and of bases
 _RATIOS, _GROWN = 10, 1e-2  # steps to the largest ratio of a cone, and the least of them
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _TINY, _ALMOST = 1e-7, 1e-4
@@ -125,12 +125,18 @@ class _Search:
         self._outputs: dict[tuple[int, ...], Reals | None] = {}
         self._waiting: list[tuple[float, int, _Node]] = []
         self._pairs = np.array(pairs(rows.order + 1)).T
-        self._most = int(_MEMORY / (8.0 * rows.y.size))
 
     @property
     def target(self) -> float:
         """The factor that is to be refuted."""
         return (1.0 - self._tol) * self.level
+
+    @property
+    def _is_full(self) -> bool:
+        """Check that multipliers and bases take as much memory as they may."""
+        columns = self._rows.order + self._programs.known.shape[1]
+        held = len(self._ahead) + columns * len(self._outputs)
+        return held * 8.0 * self._programs.y.size > _MEMORY
 
     # ---- denominators ----
 
@@ -160,8 +166,14 @@ class _Search:
         start = np.append(1.0, self.best[0]) @ basis / 2.0**n
         sign, size = np.where(start < 0.0, -1.0, 1.0), np.abs(start)
         begin = np.log(np.maximum(size, _TINY * size.max()))
+
+        def noise(x: Reals) -> float:
+            if self._deadline.over:
+                return 1e3 * self.level
+            return min(self.try_denominator((sign * np.exp(x)) @ basis), 1e3 * self.level)
+
         minimize(
-            lambda x: min(self.try_denominator((sign * np.exp(x)) @ basis), 1e3 * self.level),
+            noise,
             begin,
             method="Nelder-Mead",
             options={
@@ -349,7 +361,7 @@ class _Search:
             self._add(_Node(-1, cone, [], None, -1))
         while self._waiting:
             low, _, node = heapq.heappop(self._waiting)
-            if low >= self.target or self._deadline.over or len(self._ahead) > self._most:
+            if low >= self.target or self._deadline.over or self._is_full:
                 break
             self._part(node, low)
             if self.level < (1.0 - _LOWER) * self._descended:
