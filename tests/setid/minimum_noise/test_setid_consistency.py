@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 import setid
 from setid.minimum_noise.factor import least_factor
 from setid.proofs.least_noise.denominator_cells import DenominatorCells
-from setid.proofs.least_noise.varying_multipliers import VaryingCells
 from setid.proofs.least_noise.noise_scale import attained_factor
+from setid.proofs.least_noise.varying_multipliers import VaryingCells
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)
