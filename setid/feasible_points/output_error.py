@@ -202,9 +202,7 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
     return x
 
 
-def _slopes(
-    shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: float = 1e-7
-) -> Reals:
+def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: float = 1e-7) -> Reals:
     """Derivatives (R, k) by differences over a part of each unknown."""
     found = np.zeros((values.size, x.size))
     for place in range(x.size):
