@@ -30,6 +30,7 @@ __all__ = ["least_largest_error", "output_error_fit"]
 Reals = NDArray[np.float64]
 _STEPS = 200  # evaluations of a local search
 _PROGRAMS = 12  # linear programs
+_REFINED = 3  # linear programs for a given denominator
 _HUGE = 1e100  # stands for errors that overflow
 
 
@@ -77,15 +78,25 @@ class _Simulation:
             values = shares(x)
             if np.any(np.abs(values) >= _HUGE):
                 break
-            slopes = _slopes(shares, x, values)[:, others]
+            slopes = _slopes(shares, x, values, 1.0)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
-        values = shares(x)
-        slopes = _slopes(shares, x, values)[:, others]
-        far = 1e3 * np.abs(values).max() / np.maximum(np.abs(slopes).max(axis=0), 1e-12)
-        step = _linear_step(values, slopes, far) if np.all(np.isfinite(slopes)) else None
-        if step is not None:
-            x[others] += step
-        return x
+        best, least = x.copy(), inf
+        for _ in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
+            values = shares(x)
+            largest = float(np.abs(values).max())
+            if largest < least:
+                best = x.copy()
+            slopes = _slopes(shares, x, values, 1.0)[:, others]
+            if not (largest < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
+                break
+            least = largest
+            columns, triangle = np.linalg.qr(slopes)
+            far = np.full(columns.shape[1], 2.0 * np.sqrt(values.size) * largest)
+            step = _linear_step(values, columns, far)
+            if step is None:
+                break
+            x[others] += np.linalg.lstsq(triangle, step, rcond=None)[0]
+        return best
 
     def fitted(self) -> Reals:
         """Local minimiser of the squares, or the best vector until time is over."""
@@ -191,11 +202,11 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
     return x
 
 
-def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals) -> Reals:
-    """Derivatives (R, k) by differences."""
+def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: float = 1e-7) -> Reals:
+    """Derivatives (R, k) by differences over a part of each unknown."""
     found = np.zeros((values.size, x.size))
     for place in range(x.size):
-        step = 1e-7 * max(abs(float(x[place])), 1e-3)
+        step = part * max(abs(float(x[place])), 1e-3)
         moved = x.copy()
         moved[place] += step
         found[:, place] = (shares(moved) - values) / step

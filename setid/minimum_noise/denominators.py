@@ -9,14 +9,16 @@ together they exclude as much noise as they can.
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
-from scipy.signal import lfilter
 
+from setid.minimum_noise.claims import FoundDenominators, claimed
+from setid.minimum_noise.games import matrix_game
+from setid.minimum_noise.programs import Programs, longest_stretch
+from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     Cone,
@@ -31,35 +33,15 @@ __all__ = ["FoundDenominators", "least_output_noise"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
+_FIRST = (1.0, 0.7, 0.6, 0.15)  # of the time, by the order: for multipliers that do not vary
+_ALONE = 120.0  # seconds, where no time is given
+_ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is parted
 _POOL = 10  # multipliers that a cone hands on
-_EXCHANGES = 120
-_ALMOST = 1e-3  # of a level: where an exchange ends
 _UNEVEN = 24  # largest power of two between the weights of an edge
-_LOSSES = (1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 5e-2)  # of a factor: what may be left to rounding
-_OVER = 1.0 + 1e-12
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
 _MEMORY = 2.0**28  # bytes of multipliers
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundDenominators:
-    """A proved factor on the noise bounds, and denominators near the least one.
-
-    Parameters
-    ----------
-    factor : float
-        Refuted; 0 for none.
-    cells : DenominatorCells or None
-        What refutes it.
-    best : tuple of (n,) float
-        Coefficients a_1, ..., a_n that need little noise, the best one first.
-    """
-
-    factor: float
-    cells: DenominatorCells | None
-    best: tuple[Reals, ...]
 
 
 class _Grown(NamedTuple):
@@ -89,188 +71,29 @@ def least_output_noise(
         Of the factor.
     deadline : Deadline
     """
-    section = _longest(rows.row)
+    section = longest_stretch(rows.row)
     if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
         return FoundDenominators(0.0, None, ())
-    programs = _Programs(rows, section)
+    programs = Programs(rows, section)
     if programs.free is None:
         return FoundDenominators(0.0, None, ())
-    return _Search(rows, programs, output, tol, deadline).run()
-
-
-def _longest(row: NDArray[np.bool_]) -> Integers:
-    """The longest stretch of rows without a gap."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(np.int8)))
-    if not edges.size:
-        return np.zeros(0, np.int64)
-    begins, ends = edges[::2], edges[1::2]
-    place = int(np.argmax(ends - begins))
-    return np.arange(begins[place], ends[place])
-
-
-# ---- one denominator ----------------------------------------------------------------------
-
-
-class _Programs:
-    """Least noise for one denominator after the other, on a stretch of rows."""
-
-    def __init__(self, rows: OutputRows, section: Integers) -> None:
-        self.order, self.section = rows.order, section
-        self.samples = slice(int(section[0]) - rows.order, int(section[-1]) + 1)
-        self.y = rows.y[self.samples]
-        bound = rows.bound[self.samples]
-        self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
-        self.known = rows.known[section]
-        self.length = rows.y.size
-        self.free = self._free()
-        self.basis = np.linalg.qr(self.known)[0]
-
-    def _free(self) -> Integers | None:
-        count = self.known.shape[1]
-        _, triangle, order = qr(self.known.T, mode="economic", pivoting=True)
-        size = np.abs(np.diag(triangle))
-        if count and (size.size < count or size[-1] <= 1e-10 * size[0]):
-            return None
-        return np.sort(self.section[order[:count]])
-
-    def solve(self, a: Reals, reference: Integers | None) -> tuple[float, Reals, Integers] | None:
-        """Noise that is needed, and the multiplier (N,); None where it cannot be computed."""
-        with np.errstate(all="ignore"):
-            outputs = self._outputs(a)
-            if outputs is None:
-                return None
-            basis = np.linalg.qr(outputs / self.bound[:, None])[0]
-            target = self.y / self.bound
-            if reference is None:
-                reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
-            found = _exchanged(basis, target, reference)
-            if found is None:
-                return None
-            level, shares, reference = found
-            errors = np.zeros(target.size)
-            np.add.at(errors, reference, shares)
-            multiplier = self._adjoint(a, errors / self.bound)
-            for _ in range(2):
-                multiplier = multiplier - self.basis @ (self.basis.T @ multiplier)
-        if not np.all(np.isfinite(multiplier)):
-            return None
-        whole = np.zeros(self.length)
-        whole[self.section] = multiplier
-        return level, whole, reference
-
-    def _outputs(self, a: Reals) -> Reals | None:
-        """Outputs without noise, (S, n + c): of each column and each first or last sample."""
-        n, count = self.order, self.y.size
-        inside, outside = _factored(a)
-        ahead, back = inside.size - 1, outside.size - 1
-        columns = [
-            _forward(inside, np.zeros(ahead), _backward(outside, np.zeros(back), column))
-            for column in self.known.T
-        ]
-        for end in np.eye(back):
-            columns.append(
-                _forward(inside, np.zeros(ahead), _backward(outside, end, np.zeros(count - n)))
-            )
-        for start in np.eye(ahead):
-            columns.append(_forward(inside, start, np.zeros(count - ahead)))
-        found = np.array(columns).reshape(len(columns), count).T
-        size = np.abs(found).max(axis=0, initial=0.0)
-        if not np.all(np.isfinite(size)) or np.any(size == 0.0):
-            return None
-        return np.asarray(found / size, np.float64)
-
-    def _adjoint(self, a: Reals, errors: Reals) -> Reals:
-        """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k)."""
-        inside, outside = _factored(a)
-        ahead, back = inside.size - 1, outside.size - 1
-        inner = lfilter([1.0], inside, errors[::-1])[::-1][ahead:]
-        if not back:
-            return np.asarray(inner / outside[0], np.float64)
-        turned = outside[::-1] / outside[-1]
-        return np.asarray(
-            lfilter([1.0], turned, inner / outside[-1])[: self.y.size - self.order], np.float64
-        )
-
-
-def _factored(a: Reals) -> tuple[Reals, Reals]:
-    """Factors of a polynomial with the zeros in the unit disc, monic, and with the others."""
-    begin = int(np.flatnonzero(a)[0])
-    roots = np.roots(a)
-    within = np.abs(roots) <= 1.0
-    inside = np.real(np.poly(roots[within])) if np.any(within) else np.ones(1)
-    outside = np.real(np.poly(roots[~within])) if np.any(~within) else np.ones(1)
-    outside = np.concatenate([np.zeros(begin), np.atleast_1d(outside)]) * a[begin]
-    return np.atleast_1d(inside), outside
-
-
-def _forward(factor: Reals, start: Reals, drive: Reals) -> Reals:
-    return np.asarray(lfilter([1.0], factor, np.concatenate([start, drive])), np.float64)
-
-
-def _backward(factor: Reals, end: Reals, drive: Reals) -> Reals:
-    """Solve for a signal backwards in time, from its last samples."""
-    if factor.size == 1:
-        return drive / factor[0]
-    turned = factor[::-1] / factor[-1]
-    return np.asarray(
-        lfilter([1.0], turned, np.concatenate([end, drive[::-1] / factor[-1]]))[::-1], np.float64
+    left = deadline.left
+    share = _FIRST[min(rows.order, len(_FIRST) - 1)]
+    first = _Search(
+        rows, programs, output, tol, Deadline(share * (_ALONE if left is None else left))
     )
-
-
-def _exchanged(
-    basis: Reals, target: Reals, reference: Integers
-) -> tuple[float, Reals, Integers] | None:
-    """Approximate a target in the largest error by single exchanges (E. Stiefel, 1960).
-
-    Returns
-    -------
-    level : float
-        The largest error that is left.
-    shares : (c + 1,) float
-        Dual solution at the reference, sizes of which sum up to 1.
-    reference : (c + 1,) int
-    """
-    count, reference = basis.shape[1], reference.copy()
-    weights = np.linalg.svd(basis[reference].T)[2][-1]
-    signs = np.where(weights * np.sign(weights @ target[reference] or 1.0) >= 0, 1.0, -1.0)
-    try:
-        inverse = np.linalg.inv(_columns(basis, reference, signs))
-        level = np.inf
-        for step in range(_EXCHANGES):
-            solved = (signs * target[reference]) @ inverse
-            errors = target - basis @ solved[:count]
-            worst = int(np.argmax(np.abs(errors)))
-            level = abs(float(errors[worst]))
-            if level <= solved[count] * (1.0 + _ALMOST) + 1e-14:
-                break
-            sign = 1.0 if errors[worst] > 0 else -1.0
-            along = inverse @ np.append(sign * basis[worst], 1.0)
-            usable = along > 1e-11
-            if not np.any(usable):
-                break
-            ratios = np.where(usable, inverse[:, -1] / np.where(usable, along, 1.0), np.inf)
-            place = int(np.argmin(ratios))
-            reference[place], signs[place] = worst, sign
-            row = inverse[place] / along[place]
-            inverse = inverse - np.outer(along, row)
-            inverse[place] = row
-            if step % 30 == 29:
-                inverse = np.linalg.inv(_columns(basis, reference, signs))
-    except np.linalg.LinAlgError:
-        return None
-    return level, np.asarray(inverse[:, -1] * signs, np.float64), reference
-
-
-def _columns(basis: Reals, reference: Integers, signs: Reals) -> Reals:
-    return np.vstack([(basis[reference] * signs[:, None]).T, np.ones(reference.size)])
-
-
-# ---- all denominators ---------------------------------------------------------------------
+    found = first.run()
+    if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best:
+        return found
+    more = follow_denominators(rows, programs, output, tol, deadline, found.best)
+    best = more.best or found.best
+    larger = max(found, more, key=lambda one: one.factor)
+    return replace(larger, best=best)
 
 
 class _Search:
     def __init__(
-        self, rows: OutputRows, programs: _Programs, output: int, tol: float, deadline: Deadline
+        self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
         self._rows, self._programs, self._output = rows, programs, output
         self._tol, self._deadline = tol, deadline
@@ -290,14 +113,15 @@ class _Search:
             self._add(_Grown(-1, cone, [], nothing, nothing, None, sizes, -1), 0.0, Cell())
         while self._waiting:
             low, _, grown = heapq.heappop(self._waiting)
-            enough = low >= min(self._target, self._cap)
+            enough = low >= min(self.target, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
             self._part(grown, low)
         return self._found()
 
     @property
-    def _target(self) -> float:
+    def target(self) -> float:
+        """The factor that is to be refuted."""
         return (1.0 - self._tol) * self._level if np.isfinite(self._level) else np.inf
 
     def _add(self, grown: _Grown, least: float, whole: Cell) -> None:
@@ -307,13 +131,13 @@ class _Search:
         self._proved.append(0.0)
         low, shares = self._bound(grown)
         mixture = np.full(len(grown.cone), 1.0 / len(grown.cone))
-        for program in range(_PROGRAMS if low < self._target or not grown.used else 0):
+        for program in range(_PROGRAMS if low < self.target or not grown.used else 0):
             found = self._tried(grown, mixture, program)
             if found is None:
                 break
             grown = found
             low, shares = self._bound(grown)
-            if low >= self._target:
+            if low >= self.target:
                 break
             mixture = self._worst(grown, low)
         used = np.flatnonzero(shares)
@@ -322,7 +146,7 @@ class _Search:
             own = tuple(grown.used[i] for i in used)
             self._cells[number] = Cell(used=own, shares=tuple(shares[used].tolist()))
         self._proved[number] = low = max(low, least)
-        if low < self._target and grown.centre >= 0:
+        if low < self.target and grown.centre >= 0:
             kept = self._kept(shares)
             grown = grown._replace(
                 number=number,
@@ -410,10 +234,10 @@ class _Search:
             return 0.0, np.zeros(0)
         values = np.vstack([grown.values, -grown.values]) / grown.sizes
         noises = np.vstack([grown.noises, grown.noises]) / grown.sizes
-        best, shares, factor = 0.0, np.zeros(len(values)), self._target
+        best, shares, factor = 0.0, np.zeros(len(values)), self.target
         factor = factor if np.isfinite(factor) else 0.0
         for _ in range(6):  # W. Dinkelbach, 1967: the largest ratio
-            weights, _ = _game(values - factor * noises)
+            weights, _ = matrix_game(values - factor * noises)
             if weights is None:
                 break
             low = float(np.min((weights @ values) / (weights @ noises)))
@@ -422,7 +246,7 @@ class _Search:
             if not low > factor * (1.0 + 1e-3):
                 break
             factor = low
-        if best < factor and best < self._target:
+        if best < factor and best < self.target:
             best, shares = self._lower(values, noises, best, shares)
         half = len(grown.used)
         return best, shares[:half] - shares[half:]
@@ -433,7 +257,7 @@ class _Search:
         """Go on from below where the target is out of reach."""
         factor = best
         for _ in range(4):
-            weights, _ = _game(values - factor * noises)
+            weights, _ = matrix_game(values - factor * noises)
             if weights is None:
                 break
             low = float(np.min((weights @ values) / (weights @ noises)))
@@ -446,8 +270,8 @@ class _Search:
         """The mixture of vectors (K,) at which multipliers say least."""
         values = np.vstack([grown.values, -grown.values]) / grown.sizes
         noises = np.vstack([grown.noises, grown.noises]) / grown.sizes
-        target = self._target if np.isfinite(self._target) else low
-        mixture = _game(values - max(low, target) * noises)[1]
+        target = self.target if np.isfinite(self.target) else low
+        mixture = matrix_game(values - max(low, target) * noises)[1]
         return np.full(len(grown.cone), 1.0 / len(grown.cone)) if mixture is None else mixture
 
     def _part(self, grown: _Grown, low: float) -> None:
@@ -481,54 +305,8 @@ class _Search:
             self._add(child, low, whole)
 
     def _found(self) -> FoundDenominators:
-        leaves = [number for number, cell in enumerate(self._cells) if not cell.children]
-        factor = min(self._proved[number] for number in leaves)
-        if not factor > 0.0:
-            return FoundDenominators(0.0, None, tuple(self._best))
-        numbers = sorted({m for number in leaves for m in self._cells[number].used})
-        place = {m: i for i, m in enumerate(numbers)}
-        cells = tuple(
-            cell._replace(used=tuple(place[m] for m in cell.used)) if not cell.children else cell
-            for cell in self._cells
-        )
         assert self._programs.free is not None
-        table = np.array([self._multipliers[m] for m in numbers])
-        proof = DenominatorCells(self._output, self._programs.free, table, cells)
-        for loss in _LOSSES:
-            least = factor * (1.0 - loss)
-            if proof.follows(self._rows._replace(bound=self._rows.bound * (least * _OVER))):
-                return FoundDenominators(least, proof, tuple(self._best))
-        return FoundDenominators(0.0, None, tuple(self._best))
-
-
-def _game(table: Reals) -> tuple[Reals | None, Reals | None]:
-    """Solve a matrix game: weights of rows (M,) for the most, of columns (K,) for the least."""
-    rows, columns = table.shape
-    size = float(np.abs(table).max(initial=0.0))
-    if not (np.isfinite(size) and size > 0.0):
-        return None, None
-    pivots = np.zeros((rows + 1, columns + rows + 1))
-    pivots[:rows, :columns] = table - float(table.min()) + size
-    pivots[:rows, columns:-1], pivots[:rows, -1] = np.eye(rows), 1.0
-    pivots[rows, :columns] = -1.0
-    basic = np.arange(columns, columns + rows)
-    for _ in range(200):
-        column = int(np.argmin(pivots[rows, :-1]))
-        entries = pivots[:rows, column]
-        usable = entries > 1e-12 * size
-        if pivots[rows, column] >= -1e-12 or not np.any(usable):
-            break
-        ratios = np.where(usable, pivots[:rows, -1] / np.where(usable, entries, 1.0), np.inf)
-        row = int(np.argmin(ratios))
-        pivots[row] /= pivots[row, column]
-        others = pivots[:, column].copy()
-        others[row] = 0.0
-        pivots -= np.outer(others, pivots[row])
-        basic[row] = column
-    weights = np.maximum(pivots[rows, columns:-1], 0.0)
-    mixture = np.zeros(columns + rows)
-    mixture[basic] = pivots[:rows, -1]
-    mixture = np.maximum(mixture[:columns], 0.0)
-    if not (weights.sum() > 0.0 and mixture.sum() > 0.0):
-        return None, None
-    return weights / weights.sum(), mixture / mixture.sum()
+        none, free = np.zeros((0, self._rows.y.size)), self._programs.free
+        claim = DenominatorCells(self._output, free, none, tuple(self._cells))
+        numbered = self._multipliers.__getitem__
+        return claimed(self._rows, claim, numbered, self._proved, self._best)

@@ -44,8 +44,11 @@ __all__ = [
     "Cone",
     "DenominatorCells",
     "OutputRows",
+    "VaryingLeaf",
     "first_cones",
+    "is_ordinary",
     "is_refuted",
+    "moments",
     "output_rows",
     "parted_cone",
 ]
@@ -239,6 +242,27 @@ class Cell(NamedTuple):
     shares: tuple[float, ...] = ()
 
 
+class VaryingLeaf(NamedTuple):
+    """A cone refuted by multipliers that vary over it, see ``varying_multipliers.py``.
+
+    Parameters
+    ----------
+    used : tuple of tuple of int
+        Numbers of multipliers, in each family one for each vector of the cone.
+    shares : tuple of float
+        Signed weights of the families.
+    powers : tuple of int
+        Each vector of the cone is divided by 2 to this power.
+    minors : tuple of float
+        Weights >= 0 of the Hurwitz minors; none, or n - 2 of them.
+    """
+
+    used: tuple[tuple[int, ...], ...]
+    shares: tuple[float, ...]
+    powers: tuple[int, ...]
+    minors: tuple[float, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DenominatorCells:
     """Claim that no parameters are consistent with a record.
@@ -252,7 +276,8 @@ class DenominatorCells:
     multipliers : (M, N) float
         Orthogonal up to rounding.
     cells : tuple of Cell
-        Those of the first cones come first.
+        Those of the first cones come first. :class:`VaryingLeaf` is for
+        :class:`setid.proofs.least_noise.varying_multipliers.VaryingCells` alone.
 
     Examples
     --------
@@ -268,7 +293,7 @@ class DenominatorCells:
     output: int
     free: Integers
     multipliers: Reals
-    cells: tuple[Cell, ...]
+    cells: tuple[Cell | VaryingLeaf, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "free", frozen(np.array(self.free, np.int64)))
@@ -282,7 +307,7 @@ class DenominatorCells:
     @property
     def leaves(self) -> int:
         """Number of cells that are not parted."""
-        return sum(not cell.children for cell in self.cells)
+        return sum(isinstance(cell, VaryingLeaf) or not cell.children for cell in self.cells)
 
     def verify(self, formulation: Formulation) -> bool:
         """Check every leaf from the readings; there is no solver in it.
@@ -307,7 +332,7 @@ class DenominatorCells:
         table, n = self.multipliers, rows.y.size
         if table.ndim != 2 or table.shape[1] != n or np.any(table[:, ~rows.row]):
             return False
-        if not all(map(_is_ordinary, (table, rows.y, rows.bound, rows.known))):
+        if not all(map(is_ordinary, (table, rows.y, rows.bound, rows.known))):
             return False
         doubt = _doubts(rows, self.free, table)
         if doubt is None:
@@ -320,7 +345,7 @@ class DenominatorCells:
                 return False
             unseen.remove(number)
             cell = self.cells[number]
-            if not cell.children:
+            if isinstance(cell, VaryingLeaf) or not cell.children:
                 if not self._refutes(rows, doubt, cone, cell):
                     return False
                 continue
@@ -330,7 +355,11 @@ class DenominatorCells:
             waiting += zip(cell.children, parts, strict=True)
         return True
 
-    def _refutes(self, rows: OutputRows, doubt: Reals, cone: Cone, cell: Cell) -> bool:
+    def _refutes(
+        self, rows: OutputRows, doubt: Reals, cone: Cone, cell: Cell | VaryingLeaf
+    ) -> bool:
+        if isinstance(cell, VaryingLeaf):
+            return False
         used = np.array(cell.used, np.int64)
         if len(cell.shares) != used.size or not used.size:
             return False
@@ -365,16 +394,50 @@ def is_refuted(
         return bool(np.all(total - room > 2.0 * loss + 1e-280))
 
 
-def _is_ordinary(numbers: Reals) -> bool:
-    """Check that all numbers are 0 or of a size whose products neither underflow nor overflow."""
+def is_ordinary(numbers: Reals) -> bool:
+    """Check that all numbers are 0 or of a size whose products neither underflow nor overflow.
+
+    Parameters
+    ----------
+    numbers : array of float
+    """
     size = np.abs(numbers[numbers != 0])
     return bool(np.all((size >= _LEAST) & (size <= _MOST)))
 
 
 def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> tuple[Reals, Reals]:
     """Values q a (m, K), and what the noise and rounding can be against them (m, K)."""
-    n, vectors = rows.order, cone.astype(np.float64)
-    length = rows.y.size
+    vectors = cone.astype(np.float64)
+    q, lost, shifted, rounding = moments(rows, multipliers, doubts)
+    value = q @ vectors.T
+    filtered = np.einsum("kv,mvn->mkn", vectors, shifted)
+    noise = np.abs(filtered) @ rows.bound
+    return value, (noise + lost @ np.abs(vectors).T) * (1.0 + 4 * rounding) * _MORE
+
+
+def moments(
+    rows: OutputRows, multipliers: Reals, doubts: Reals
+) -> tuple[Reals, Reals, Reals, float]:
+    """Multiply the readings by each multiplier.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    multipliers : (m, N) float
+    doubts : (m, N) float
+        How far each may be from one that is orthogonal to the columns.
+
+    Returns
+    -------
+    q : (m, n + 1) float
+    lost : (m, n + 1) float
+        What rounding and doubts can be in ``q @ a`` and in the noise, for each abs(a_i).
+    shifted : (m, n + 1, N) float
+        The multipliers i samples ahead.
+    rounding : float
+        Of sums over the record, relative to the sum of sizes.
+    """
+    n, length = rows.order, rows.y.size
     shifted = np.zeros((len(multipliers), n + 1, length))
     slack = np.zeros((len(multipliers), n + 1))
     readings = np.zeros((n + 1, length))
@@ -385,13 +448,8 @@ def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> t
         bounds[i:] = rows.bound[: length - i]
         slack[:, i] = doubts @ (np.abs(readings[i]) + bounds)
     rounding = (length + n + 32) * _UNIT * _MORE
-    q, size = multipliers @ readings.T, np.abs(multipliers) @ np.abs(readings).T
-    value = q @ vectors.T
-    lost = (size * rounding + slack) @ np.abs(vectors).T
-    filtered = np.einsum("kv,mvn->mkn", vectors, shifted)
-    noise = np.abs(filtered) @ rows.bound
-    more = (np.abs(shifted) @ rows.bound) @ np.abs(vectors).T
-    return value, (noise + (lost + more * rounding)) * (1.0 + 4 * rounding) * _MORE
+    size = np.abs(multipliers) @ np.abs(readings).T + np.abs(shifted) @ rows.bound
+    return multipliers @ readings.T, size * rounding + slack, shifted, rounding
 
 
 def _doubts(rows: OutputRows, free: Integers, multipliers: Reals) -> Reals | None:

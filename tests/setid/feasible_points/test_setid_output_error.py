@@ -90,3 +90,18 @@ def test_a_long_record_has_attained_points() -> None:
         assert interval.inner is not None
         assert interval.outer[0] <= value <= interval.outer[1]
     assert result.verify().ok
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_numerators_keep_their_digits_near_a_double_pole_at_1(seed: int) -> None:
+    """With the denominator of the truth no more noise is needed than was put in, .02."""
+    poles = np.poly([1.0 - 1e-5, 1.0 - 1e-5, 0.9375])
+    u, x = np.sign(np.sin(np.arange(500) / 8.0)), np.zeros(500)
+    for k in range(3, 500):
+        x[k] = 1e-4 * u[k - 3 : k].sum() - poles[1:] @ x[k - 3 : k][::-1]
+    random = np.random.default_rng(seed)
+    data = setid.IOData(u, x + random.uniform(-0.02, 0.02, 500))
+    model = setid.TransferFunction(3, 3, 1)
+    theta = least_largest_error(data, model, np.ones((500, 1)), poles[1:])
+    known = setid.formulate(data, model, setid.Noise(output=1.0))
+    assert setid.least_noise(known, theta).level <= 0.02

@@ -15,6 +15,7 @@ import setid
 from setid.minimum_noise.factor import least_factor
 from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.least_noise.noise_scale import attained_factor
+from setid.proofs.least_noise.varying_multipliers import VaryingCells
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -233,3 +234,19 @@ def test_long_records_of_noisy_outputs_need_no_box(priors: list[setid.Stable]) -
     assert not replace(found, scale=(high, high)).verify().ok
     assert not replace(found, refuted=(1.2 * high, found.refuted[1])).verify().ok
     assert found.explains is (high <= 1.0)
+
+
+@pytest.mark.slow
+def test_order_3_of_a_measured_record_closes() -> None:
+    """The heating system stood at .12 to 1.96 with multipliers that do not vary."""
+    path = Path(__file__).parents[3] / "examples" / "data" / "heating_system.csv"
+    data = setid.IOData.from_csv(path, inputs="u", outputs="y", Ts=2.0)
+    data = setid.IOData(data.u[:400], data.y[:400], 2.0)
+    model, noise = setid.TransferFunction(3, 3, 1, offset=True), setid.Noise(output=1.0)
+    settings = setid.Options(time_limit=115.0, tol=0.09, progress=False)
+    found = setid.consistency(data, model, noise, [setid.Stable()], settings)
+    low, high = found.scale
+    assert 0.95 * high <= low <= high
+    assert found.refuted is not None and isinstance(found.refuted[1], VaryingCells)
+    assert found.verify().ok
+    assert not replace(found, refuted=(1.1 * high, found.refuted[1])).verify().ok

@@ -1,0 +1,181 @@
+"""The least output noise for one denominator: a linear program in few unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+from scipy.signal import lfilter
+
+from setid.proofs.least_noise.denominator_cells import OutputRows
+
+__all__ = ["Programs", "longest_stretch"]
+
+Reals = NDArray[np.float64]
+Integers = NDArray[np.int64]
+_EXCHANGES = 120
+_ALMOST = 1e-3  # of a level: where an exchange ends
+
+
+def longest_stretch(row: NDArray[np.bool_]) -> Integers:
+    """The longest stretch of rows without a gap."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(np.int8)))
+    if not edges.size:
+        return np.zeros(0, np.int64)
+    begins, ends = edges[::2], edges[1::2]
+    place = int(np.argmax(ends - begins))
+    return np.arange(begins[place], ends[place])
+
+
+class Programs:
+    """Least noise for one denominator after the other, on a stretch of rows."""
+
+    def __init__(self, rows: OutputRows, section: Integers) -> None:
+        self.order, self.section = rows.order, section
+        self.samples = slice(int(section[0]) - rows.order, int(section[-1]) + 1)
+        self.y = rows.y[self.samples]
+        bound = rows.bound[self.samples]
+        self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
+        self.known = rows.known[section]
+        self.length = rows.y.size
+        self.free = self._free()
+        self.basis = np.linalg.qr(self.known)[0]
+
+    def _free(self) -> Integers | None:
+        count = self.known.shape[1]
+        _, triangle, order = qr(self.known.T, mode="economic", pivoting=True)
+        size = np.abs(np.diag(triangle))
+        if count and (size.size < count or size[-1] <= 1e-10 * size[0]):
+            return None
+        return np.sort(self.section[order[:count]])
+
+    def solve(self, a: Reals, reference: Integers | None) -> tuple[float, Reals, Integers] | None:
+        """Noise that is needed, and the multiplier (N,); None where it cannot be computed."""
+        with np.errstate(all="ignore"):
+            outputs = self.outputs(a)
+            if outputs is None:
+                return None
+            basis = np.linalg.qr(outputs / self.bound[:, None])[0]
+            target = self.y / self.bound
+            if reference is None:
+                reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
+            found = _exchanged(basis, target, reference)
+            if found is None:
+                return None
+            level, shares, reference = found
+            errors = np.zeros(target.size)
+            np.add.at(errors, reference, shares)
+            multiplier = self.adjoint(a, errors / self.bound)
+            for _ in range(2):
+                multiplier = multiplier - self.basis @ (self.basis.T @ multiplier)
+        if not np.all(np.isfinite(multiplier)):
+            return None
+        whole = np.zeros(self.length)
+        whole[self.section] = multiplier
+        return level, whole, reference
+
+    def outputs(self, a: Reals) -> Reals | None:
+        """Outputs without noise, (S, n + c): of each column and each first or last sample."""
+        n, count = self.order, self.y.size
+        inside, outside = _factored(a)
+        ahead, back = inside.size - 1, outside.size - 1
+        columns = [
+            _forward(inside, np.zeros(ahead), _backward(outside, np.zeros(back), column))
+            for column in self.known.T
+        ]
+        for end in np.eye(back):
+            columns.append(
+                _forward(inside, np.zeros(ahead), _backward(outside, end, np.zeros(count - n)))
+            )
+        for start in np.eye(ahead):
+            columns.append(_forward(inside, start, np.zeros(count - ahead)))
+        found = np.array(columns).reshape(len(columns), count).T
+        size = np.abs(found).max(axis=0, initial=0.0)
+        if not np.all(np.isfinite(size)) or np.any(size == 0.0):
+            return None
+        return np.asarray(found / size, np.float64)
+
+    def adjoint(self, a: Reals, errors: Reals) -> Reals:
+        """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k)."""
+        inside, outside = _factored(a)
+        ahead, back = inside.size - 1, outside.size - 1
+        inner = lfilter([1.0], inside, errors[::-1])[::-1][ahead:]
+        if not back:
+            return np.asarray(inner / outside[0], np.float64)
+        turned = outside[::-1] / outside[-1]
+        return np.asarray(
+            lfilter([1.0], turned, inner / outside[-1])[: self.y.size - self.order], np.float64
+        )
+
+
+def _factored(a: Reals) -> tuple[Reals, Reals]:
+    """Factors of a polynomial with the zeros in the unit disc, monic, and with the others."""
+    begin = int(np.flatnonzero(a)[0])
+    roots = np.roots(a)
+    within = np.abs(roots) <= 1.0
+    inside = np.real(np.poly(roots[within])) if np.any(within) else np.ones(1)
+    outside = np.real(np.poly(roots[~within])) if np.any(~within) else np.ones(1)
+    outside = np.concatenate([np.zeros(begin), np.atleast_1d(outside)]) * a[begin]
+    return np.atleast_1d(inside), outside
+
+
+def _forward(factor: Reals, start: Reals, drive: Reals) -> Reals:
+    return np.asarray(lfilter([1.0], factor, np.concatenate([start, drive])), np.float64)
+
+
+def _backward(factor: Reals, end: Reals, drive: Reals) -> Reals:
+    """Solve for a signal backwards in time, from its last samples."""
+    if factor.size == 1:
+        return drive / factor[0]
+    turned = factor[::-1] / factor[-1]
+    return np.asarray(
+        lfilter([1.0], turned, np.concatenate([end, drive[::-1] / factor[-1]]))[::-1], np.float64
+    )
+
+
+def _exchanged(
+    basis: Reals, target: Reals, reference: Integers
+) -> tuple[float, Reals, Integers] | None:
+    """Approximate a target in the largest error by single exchanges (E. Stiefel, 1960).
+
+    Returns
+    -------
+    level : float
+        The largest error that is left.
+    shares : (c + 1,) float
+        Dual solution at the reference, sizes of which sum up to 1.
+    reference : (c + 1,) int
+    """
+    count, reference = basis.shape[1], reference.copy()
+    weights = np.linalg.svd(basis[reference].T)[2][-1]
+    signs = np.where(weights * np.sign(weights @ target[reference] or 1.0) >= 0, 1.0, -1.0)
+    try:
+        inverse = np.linalg.inv(_columns(basis, reference, signs))
+        level = np.inf
+        for step in range(_EXCHANGES):
+            solved = (signs * target[reference]) @ inverse
+            errors = target - basis @ solved[:count]
+            worst = int(np.argmax(np.abs(errors)))
+            level = abs(float(errors[worst]))
+            if level <= solved[count] * (1.0 + _ALMOST) + 1e-14:
+                break
+            sign = 1.0 if errors[worst] > 0 else -1.0
+            along = inverse @ np.append(sign * basis[worst], 1.0)
+            usable = along > 1e-11
+            if not np.any(usable):
+                break
+            ratios = np.where(usable, inverse[:, -1] / np.where(usable, along, 1.0), np.inf)
+            place = int(np.argmin(ratios))
+            reference[place], signs[place] = worst, sign
+            row = inverse[place] / along[place]
+            inverse = inverse - np.outer(along, row)
+            inverse[place] = row
+            if step % 30 == 29:
+                inverse = np.linalg.inv(_columns(basis, reference, signs))
+    except np.linalg.LinAlgError:
+        return None
+    return level, np.asarray(inverse[:, -1] * signs, np.float64), reference
+
+
+def _columns(basis: Reals, reference: Integers, signs: Reals) -> Reals:
+    return np.vstack([(basis[reference] * signs[:, None]).T, np.ones(reference.size)])
