@@ -1,4 +1,4 @@
-"""What a search for the least output noise found, and the proof put together."""
+"""Put together what a search for the least output noise found, and its proof."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class _Node(NamedTuple):
 
 
 class _Weighed(NamedTuple):
-    """What families refute in a cone."""
+    """Collect what families refute in a cone."""
 
     factor: float
     leaf: VaryingLeaf

@@ -154,7 +154,7 @@ def hurwitz_minors(cone: Cone, powers: tuple[int, ...]) -> Reals:
 def _sides(
     rows: OutputRows, multipliers: Reals, doubts: Reals, vectors: Reals, families: NDArray[np.int64]
 ) -> tuple[Reals, Reals]:
-    """What the rows need, (m, pairs), and what noise and rounding can give, (m, pairs)."""
+    """Compute what rows need, and what noise and rounding can give, (m, pairs) each."""
     one, two = np.array(pairs(len(vectors))).T
     needed, noise = np.zeros((len(families), one.size)), np.zeros((len(families), one.size))
     for m, family in enumerate(families):
