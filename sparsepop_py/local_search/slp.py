@@ -206,7 +206,11 @@ def violated_rows(
 
 
 def row_prices(
-    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64], trust: float = 0.1
+    problem: Problem,
+    x: NDArray[np.float64],
+    held: NDArray[np.int64],
+    trust: float = 0.1,
+    end: float = np.inf,
 ) -> NDArray[np.float64]:
     """Compute prices of constraints in the linearised problem at a point.
 
@@ -220,13 +224,15 @@ def row_prices(
         Complicating variables, as in :func:`sequential_search`.
     trust : float
         Trust region, relative to the width of each held variable's bounds.
+    end : float
+        End on the monotonic clock.
 
     Returns
     -------
     (m,) float
         Sizes, for rows in units of their largest coefficients; zeros where there is no solution.
     """
-    search = _Search(problem, held)
+    search = _Search(problem, held, end)
     unit = problem.upper - problem.lower
     unit = np.where(np.isfinite(unit), unit, 1.0 + np.abs(x))
     gradient = problem.objective_row.gradient(x)
@@ -236,7 +242,7 @@ def row_prices(
 
 
 def conflict_prices(
-    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64]
+    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64], end: float = np.inf
 ) -> NDArray[np.float64]:
     """Compute prices of constraints in the linear program of least violation at a point.
 
@@ -248,15 +254,17 @@ def conflict_prices(
     problem : Problem
     x : (n,) float
     held : (c,) int
+    end : float
+        End on the monotonic clock.
 
     Returns
     -------
     (m,) float
-        Sizes; zeros where the held variables are those of a feasible point.
+        Sizes; zeros where the held variables are those of a feasible point, or time is over.
     """
-    search = _Search(problem, held)
+    search = _Search(problem, held, end)
     feasible = search.violation(_restored(search, x)) <= _VIOLATED
-    return np.zeros(problem.rows.size) if feasible else search.prices
+    return search.prices if search.prices.size and not feasible else np.zeros(problem.rows.size)
 
 
 def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:

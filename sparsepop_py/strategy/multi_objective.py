@@ -27,6 +27,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
@@ -147,7 +148,8 @@ class MultiObjectiveSearch:
             )
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
         if self.searches and suits(self.searches[0]):
-            self.working_sets = [WorkingSetSearch(auto) for auto in self.searches]
+            costs = CostModel()
+            self.working_sets = [WorkingSetSearch(auto, costs) for auto in self.searches]
 
     def _first_points(self) -> None:
         """Run local searches from the first start that leads to a point."""

@@ -33,7 +33,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.local_search.slp import conflict_prices, row_prices, sequential_search
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.hierarchy import Families
+from sparsepop_py.relaxation.hierarchy import CostModel, Families
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
@@ -71,11 +71,14 @@ class WorkingSetSearch:
     ----------
     whole : AdaptiveSearch
         The search on all constraints: it gets what is proved, incumbents and history.
+    costs : CostModel
+        Seconds and progress of relaxations on working sets: they are far smaller than the whole.
     done : bool
         Whether the whole search has to go on.
     """
 
     whole: AdaptiveSearch
+    costs: CostModel
     done: bool = False
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
@@ -133,7 +136,7 @@ class WorkingSetSearch:
         if self.rows is None:
             with context.stages.stage("refine"):
                 on_box = _on_box(context.problem, self.whole.model.box)
-                price = row_prices(on_box, context.best.x, self._held)
+                price = row_prices(on_box, context.best.x, self._held, end=context.deadline.end)
             if not self._set(self._near(_largest(price, STRATEGY.binding))):
                 return False
             self._complete(context.best.x)
@@ -166,12 +169,11 @@ class WorkingSetSearch:
         """
         assert self.search is not None and self.small is not None
         point, self.search.point = self.search.point, None
-        context = self.whole.context
-        if point is None or context.best is None:
-            return
-        x, tree = self.small.point(point, context.best.x), self.search.search
-        self._joined(x)
-        self._complete(x)
+        best, tree = self.whole.context.best, self.search.search
+        if point is not None and best is not None:
+            x = self.small.point(point, best.x)
+            self._joined(x)
+            self._complete(x)
         if self.search is not None and tree is not None and not self.whole.over:
             assert self.rows is not None
             self.done = not self._set(self._near(self._near(self.rows)))
@@ -179,7 +181,7 @@ class WorkingSetSearch:
     def _complete(self, x: NDArray[np.float64]) -> None:
         """Add constraints until local searches on the set find nothing below the target."""
         for _ in range(STRATEGY.working_rounds):
-            if self.small is None or self.done:
+            if self.small is None or self.done or self.whole.over:
                 return
             least = self._minimiser(self.small, x)
             below = self.whole.context.problem.objective(least) < self.whole.context.target
@@ -202,7 +204,7 @@ class WorkingSetSearch:
         context = self.whole.context
         with context.stages.stage("refine"):
             on_box = _on_box(context.problem, self.whole.model.box)
-            price = conflict_prices(on_box, x, self._held)
+            price = conflict_prices(on_box, x, self._held, context.deadline.end)
         if not price.any():
             self.whole.context, _ = update_incumbent(context, [x], self.whole.bound)
             return False
@@ -232,6 +234,7 @@ class WorkingSetSearch:
             products=Products.of(problem),
             cliques=Families(problem, (), options.sparse, options.chordal),
             variables=tuple(int(place[v]) for v in shared.variables),
+            cost_model=self.costs,
             estimates={},
             active=None,
             obbt_lp="obbt_lp" not in options.skip,
@@ -267,9 +270,15 @@ class WorkingSetSearch:
         certificate = search.outcome.certificate
         if certificate is not None and certificate.bound > whole.bound:
             steps, box = base.proof.steps, base.box
-            again = small.restated(certificate, steps, box)
-            made = replace(search.outcome, model=base, certificate=again, relaxation=None)
-            made = replace(made, solution=None, simpler=None)
+            simpler = search.outcome.simpler
+            made = replace(
+                search.outcome,
+                model=base,
+                certificate=small.restated(certificate, steps, box),
+                relaxation=None,
+                solution=None,
+                simpler=None if simpler is None else small.restated(simpler, steps, box),
+            )
             whole.outcome = better(whole.outcome, made)
             whole.context.report(whole.bound)
         number = small.rows.size

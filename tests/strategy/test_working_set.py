@@ -95,7 +95,7 @@ def test_ends_agree_with_linear_programs_at_fixed_poles():
 
 def test_a_set_that_is_not_enough_grows(monkeypatch):
     """Three constraints are too few: those that contradict what they admit join them."""
-    monkeypatch.setattr(working_set, "row_prices", lambda *_: 1.0 * (np.arange(80) < 3))
+    monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
     u, y = record()
     results = both_ends(problem_of(u, y))
     assert all(result.status is Status.OPTIMAL for result in results)
@@ -112,7 +112,7 @@ def worth_it(monkeypatch):
 def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
     options = WIDTH
     if case == "none":
-        monkeypatch.setattr(working_set, "row_prices", lambda *_: np.zeros(80))
+        monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: np.zeros(80))
     elif case == "all":
         least = settings.StrategySettings(most_working=0.0, long_star=0.0)
         monkeypatch.setattr(working_set, "STRATEGY", least)
