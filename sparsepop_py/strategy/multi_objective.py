@@ -193,10 +193,11 @@ class MultiObjectiveSearch:
             return
         known = len(self.points)
         auto.restart(self.model)
-        if self.working_sets and not self.working_sets[index].done:
-            self.working_sets[index].run(most)
-        else:
-            auto.run(most)
+        for _ in range(most):
+            gap = auto.context.upper - auto.bound
+            self._step(index)
+            if auto.over or not auto.context.upper - auto.bound < STRATEGY.worth_turn * gap:
+                break
         if auto.context.best is not None and auto.context.best not in self.points:
             self.points.append(auto.context.best)
         self._share_points(self.points[known:])
@@ -204,6 +205,11 @@ class MultiObjectiveSearch:
         if not auto.over:
             self._tighten()
         auto.context.report(auto.bound)
+
+    def _step(self, index: int) -> None:
+        """Take one step for one objective, on a working set of constraints where these serve."""
+        if not self.working_sets or not self.working_sets[index].step():
+            self.searches[index].run(1)
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""

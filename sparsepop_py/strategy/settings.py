@@ -49,6 +49,8 @@ class StrategySettings:
         Expected seconds of the first step beyond which that bound comes before it.
     turn : int
         Steps of an objective before it is the next one's turn.
+    worth_turn : float
+        Share of a gap: a step that leaves more of it ends the turn of its objective.
     rounding : float
         Gaps this small, of values near 1, are closed: a few units of rounding.
     order_rounds : int
@@ -110,6 +112,7 @@ class StrategySettings:
     before_squares: int = 1
     long_first: float = 0.5
     turn: int = 5
+    worth_turn: float = 0.5
     rounding: float = 1e-12
     order_rounds: int = 3
     many_variables: int = 300
@@ -124,7 +127,7 @@ class StrategySettings:
     long_problem: int = 300
     telling: float = 0.05
     working_set: int = 60
-    most_working: float = 0.8
+    most_working: float = 0.4
     binding: float = 1e-3
     missing: float = 0.1
     working_rounds: int = 8

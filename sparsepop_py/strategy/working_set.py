@@ -85,25 +85,23 @@ class WorkingSetSearch:
     search: AdaptiveSearch | None = None
     base: Model | None = None
 
-    def run(self, most: int) -> None:
-        """Improve the bound of the whole search in at most so many steps.
+    def step(self) -> bool:
+        """Take one step on the working set for the whole search.
 
-        Parameters
-        ----------
-        most : int
+        Returns
+        -------
+        bool
+            False where no step was taken, as the whole search has to go on.
         """
-        whole = self.whole
-        for _ in range(most):
-            if whole.over or self.done:
-                return
-            if not self._ready():
-                self.done = True
-                return
-            assert self.search is not None
-            self.search.run(1)
-            self._take()
-            if not whole.over:
-                self._grow()
+        if self.done or not self._ready():
+            self.done = True
+            return False
+        assert self.search is not None
+        self.search.run(1)
+        self._take()
+        if not self.whole.over:
+            self._grow()
+        return True
 
     # ---- the set ------------------------------------------------------------------------------
 
