@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
@@ -40,17 +40,22 @@ def structure(name: str, width: int = 1) -> neural.NNARX:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def cpu_time() -> Iterator[None]:
-    """Let limits count CPU time, so that a loaded machine does not end a search early."""
+def counted_time() -> Iterator[None]:
+    """Let a search see 1/100 s more at each look at the clock, so that every machine goes as far.
+
+    A hundred looks are a second of the limit; they take from .4 to 2 s.
+    """
+    ticks = itertools.count()
+    clock = SimpleNamespace(monotonic=lambda: 0.01 * next(ticks))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(smooth_weights, "time", SimpleNamespace(monotonic=time.process_time))
+        patch.setattr(smooth_weights, "time", clock)
         yield
 
 
 @pytest.fixture(scope="module")
-def found(cpu_time: None) -> neural.SmoothHiddenWeights:
+def found(counted_time: None) -> neural.SmoothHiddenWeights:
     return neural.hidden_weights(
-        structure("tanh"), planted("tanh", 30, 0.02), 0.03, weights=2.0, time_limit=6.0
+        structure("tanh"), planted("tanh", 30, 0.02), 0.03, weights=2.0, time_limit=5.6
     )
 
 
@@ -96,7 +101,7 @@ def test_ends_of_the_last_layer_are_bounded(found: neural.SmoothHiddenWeights) -
 @pytest.mark.slow
 def test_all_weights_of_a_tanh_neuron_are_certified() -> None:
     data = planted("tanh", 30, 0.02)
-    found = neural.hidden_weights(structure("tanh"), data, 0.03, weights=2.0, time_limit=60.0)
+    found = neural.hidden_weights(structure("tanh"), data, 0.03, weights=2.0, time_limit=200.0)
     assert found.status == "proved" and found.verify()
     for name, item in found.intervals.items():
         assert item.outer[0] <= TRUTH[name] <= item.outer[1]
