@@ -35,6 +35,7 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
+    is_cascade,
     point_of,
     tightened_cascade,
 )
@@ -378,7 +379,7 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
         notes = (*notes, _NO_BOX)
-    parts, settled = cascade_of(formulation) or _long_record(formulation), None
+    parts, settled = cascade_of(formulation, box) or _long_record(formulation), None
     if parts is not None:
         settled = _by_simulation(formulation, task, parts, box, notes)
     if settled is not None and (_parted(formulation) or _closed(settled)):
@@ -407,7 +408,7 @@ def _long_record(formulation: Formulation) -> Recursion | None:
 
 def _parted(formulation: Formulation) -> bool:
     """Check for cascades and records that are too long for the engine's relaxations."""
-    return cascade_of(formulation) is not None or _equations(formulation) > _LONG
+    return is_cascade(formulation) or _equations(formulation) > _LONG
 
 
 def _closed(found: Identification) -> bool:
@@ -468,7 +469,7 @@ def _by_simulation(
 
     Regions are parted where the engine has no better way.
     """
-    fits = task.deadline.part(_FITS if cascade_of(formulation) is not None else _FIT)
+    fits = task.deadline.part(_FITS if is_cascade(formulation) else _FIT)
     found = task.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
     if found is None:
         return None

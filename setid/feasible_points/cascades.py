@@ -33,6 +33,7 @@ __all__ = [
     "attained_result",
     "cascade_ends",
     "cascade_of",
+    "is_cascade",
     "tightened_cascade",
     "point_of",
 ]
@@ -63,12 +64,29 @@ class CascadeEnds:
     ends: tuple[Reals, ...]
 
 
-def cascade_of(formulation: Formulation) -> Recursion | None:
+def is_cascade(formulation: Formulation) -> bool:
+    """Check for a structure with a map behind a block behind another map or block.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    model = formulation.model
+    if not isinstance(model, BlockStructured) or formulation.products is not None:
+        return False
+    maps = dict(model.maps)
+    sources = {name for block in model.blocks for name, _ in block.source} & set(maps)
+    return any(channel_of(a) is None for name in sources for a in maps[name].arguments)
+
+
+def cascade_of(formulation: Formulation, box: ProvedBox | None = None) -> Recursion | None:
     """State a cascade as a simulation; None for structures of other kinds.
 
     Parameters
     ----------
     formulation : Formulation
+    box : ProvedBox, optional
+        Of cells, where first samples of internal signals are unknown.
 
     Examples
     --------
@@ -81,13 +99,7 @@ def cascade_of(formulation: Formulation) -> Recursion | None:
     >>> cascade_of(setid.formulate(data, model, setid.Noise(output=0.1))).outputs
     ('y1',)
     """
-    model = formulation.model
-    if not isinstance(model, BlockStructured) or formulation.products is not None:
-        return None
-    maps = dict(model.maps)
-    sources = {name for block in model.blocks for name, _ in block.source} & set(maps)
-    inner = {a for name in sources for a in maps[name].arguments if channel_of(a) is None}
-    return recursion_of(formulation) if inner else None
+    return recursion_of(formulation, box) if is_cascade(formulation) else None
 
 
 def cascade_ends(

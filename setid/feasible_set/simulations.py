@@ -140,6 +140,7 @@ class _Grower:
         if root.region is None:
             return True
         scale = np.maximum(_widths(root.region), 1e-300)
+        scale[self._parts.readings] = np.inf  # outputs are affine in them, nearly
         waiting: list[tuple[float, int, _Grown]] = []
         count = 0
         self._file(root, waiting, count)

@@ -14,9 +14,9 @@ from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.options import Options
-from setid.proofs.cells.output_cells import parts_of
+from setid.proofs.cells.output_cells import can_start, parts_of
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.parameter_box import ProvedBox
+from setid.proofs.parameter_box import ProvedBox, start_of
 from setid.proofs.uniqueness.normalisation import Nonzero
 from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.identification import Identification
@@ -121,16 +121,30 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     names = ", ".join(formulation.parameters[i] for i in loose)
     model = formulation.model
     if isinstance(model, BlockStructured) and formulation.products is None:
-        first = " and initial='zero'" if model.initial == "free" else ""
-        cells = parts_of(formulation) is not None
         return (
             f"the data give no finite bounds of {names}: the outputs are no sums of products of "
-            f"measured signals; give Box for {names}" + (f", or Stable{first}" if cells else "")
+            f"measured signals; give Box for {names}{_other_way(formulation)}"
         )
     return (
         f"the data give no finite bounds of {names}: the noise is strong for this input; give "
         "a prior such as Box or Stable, a longer record, or more excitation"
     )
+
+
+def _other_way(formulation: Formulation) -> str:
+    """Say what else gives a box to a structure with a map behind a linear block."""
+    parts = parts_of(formulation)
+    if parts is None:
+        return ""
+    number = {name: i for i, name in enumerate(formulation.parameters)}
+    start = start_of(formulation)[:, [number[name] for name in parts.poles]]
+    missing = "" if np.all(np.isfinite(start)) else "Stable"
+    rest = "initial='zero' where the record begins at rest"
+    if not can_start(parts):
+        return f", or {missing} and {rest}" if missing else f", or {rest}"
+    if missing:
+        return f", or {missing}"
+    return f", or {rest}" if parts.initial else ""
 
 
 def signals_text(formulation: Formulation, problem: sp.Problem) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ def simulation_step(
     dict
         The step ``Simulation`` of ``docs/certificate_format.md``.
     """
-    parts = recursion_of(formulation)
+    parts = recursion_of(formulation, box.first)
     assert parts is not None
     root = first_region(formulation, *parts.box(*inside), box.directions)
     steps: list[list[dict[str, Any]]] = [[] for _ in box.nodes]

@@ -1,7 +1,6 @@
 """Arithmetic of cells, all at once: enclosures of a simulation, rows in gamma, contradictions.
 
-A cell is a box of denominator coefficients, numerator coefficients and initial values. With
-centre c and z = z_c + e,
+A cell is a box of denominator and of numerator coefficients. With centre c and z = z_c + e,
 
     D_c e = - sum_i da_i z_c(k-i) + sum_r dv_r phi_r - sum_i da_i e(k-i),
 
@@ -17,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Enclosed", "Fitted", "enclosed", "fitted"]
+__all__ = ["CellRows", "Enclosed", "Fitted", "enclosed", "fitted", "rows_of"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
@@ -33,6 +32,41 @@ class Enclosed(NamedTuple):
     radii: Reals  # (C, d)
 
 
+class CellRows(NamedTuple):
+    """Rows y~_k = past_k a + sum gamma_m z_(k-lag)^power + eta_k in each of C cells.
+
+    Parameters
+    ----------
+    matrix, wide : (C, R, M) float
+        Columns, and how far they may be off.
+    y, noise : (C, R) float
+        Readings, and how far they may be off.
+    shape : (C, R, T) float, optional
+        How T errors make those of rows, where one error counts in several of them.
+    shared : (T, M + 1) float, optional
+        Bounds of these errors, in each column and in the readings.
+    """
+
+    matrix: Reals
+    wide: Reals
+    y: Reals
+    noise: Reals
+    shape: Reals | None = None
+    shared: Reals | None = None
+
+    def errors(self, weights: Reals) -> tuple[Reals, Reals]:
+        """Bound errors of columns (C, W, M) and readings (C, W) in combinations (C, W, R)."""
+        size = np.abs(weights)
+        columns = size @ self.wide
+        readings = np.einsum("cwk,ck->cw", size, self.noise)
+        if self.shape is not None and self.shared is not None:
+            mixed = np.abs(weights @ self.shape)
+            loss = 4.0 * (self.noise.shape[1] + 8) * _UNIT
+            mixed = (mixed + loss * (size @ np.abs(self.shape))) @ self.shared
+            columns, readings = columns + mixed[..., :-1], readings + mixed[..., -1]
+        return columns * _MORE, readings * _MORE
+
+
 class Fitted(NamedTuple):
     """Coefficients of the rows in each of C cells: denominators behind the map, then the map's."""
 
@@ -42,48 +76,40 @@ class Fitted(NamedTuple):
     empty: NDArray[np.bool_]  # (C,): whether no coefficients fit, proved
 
 
-def enclosed(cells: Reals, poles: int, drives: Reals, spread: Reals, initial: int) -> Enclosed:
+def enclosed(cells: Reals, poles: int, drives: Reals, spread: Reals) -> Enclosed:
     """The signal z in each cell.
 
     Parameters
     ----------
     cells : (C, 2, d) float
-        Ends of ``poles`` denominator coefficients, of one coefficient for each drive, and of
-        ``initial`` first samples.
+        Ends of ``poles`` denominator coefficients, and of one coefficient for each drive.
     poles : int
     drives, spread : (q, N) float
         Known samples, and how far noise may move them.
-    initial : int
-        Number of first samples that are coordinates themselves.
     """
     middle = cells.mean(axis=1)
     radii = np.maximum(cells[:, 1] - middle, middle - cells[:, 0]) * (1 + 4 * _UNIT)
     a, v = middle[:, :poles], middle[:, poles:]
     (count, d), (q, samples) = middle.shape, drives.shape
-    h, h_doubt = _response(a, np.eye(1, samples)[0] * np.ones((count, 1)), np.zeros((count, 0)))
+    h, h_doubt = _response(a, np.eye(1, samples)[0] * np.ones((count, 1)))
     size = np.abs(h)
     for k in range(1, samples):  # |h| <= |h computed| + |h| * (its residual)
         size[:, k] = size[:, k] + np.einsum("cl,cl->c", size[:, :k], h_doubt[:, k:0:-1])
     size = size * _MORE
-    drive = v[:, :q] @ drives
-    doubt = 4 * (q + 2) * _UNIT * (np.abs(v[:, :q]) @ np.abs(drives))
-    z, residual = _response(a, drive, v[:, q:])
+    drive = v @ drives
+    doubt = 4 * (q + 2) * _UNIT * (np.abs(v) @ np.abs(drives))
+    z, residual = _response(a, drive)
     radius_of_z = _filtered(size, residual + doubt)
     slopes = np.zeros((count, d, samples))
-    none = np.zeros((count, initial))
     for i in range(d):
         if i < poles:
             source = np.zeros((count, samples))
             source[:, i + 1 :] = -z[:, : samples - i - 1]
-            first = none
-        elif i < poles + q:
-            source, first = np.tile(drives[i - poles], (count, 1)), none
         else:
-            source = np.zeros((count, samples))
-            first = np.tile(np.eye(1, initial, i - poles - q), (count, 1))
-        s, rest = _response(a, source, first)
+            source = np.tile(drives[i - poles], (count, 1))
+        s, rest = _response(a, source)
         slopes[:, i] = (np.abs(s) + _filtered(size, rest)) * radii[:, i, None]
-    noise = (np.abs(v[:, :q]) + radii[:, poles : poles + q]) @ spread
+    noise = (np.abs(v) + radii[:, poles:]) @ spread
     base = slopes.sum(axis=1) + _filtered(size, noise) + radius_of_z
     # what the radii of the denominator do to the error of z_c itself is in the recursion
     error = base * _MORE
@@ -92,29 +118,23 @@ def enclosed(cells: Reals, poles: int, drives: Reals, spread: Reals, initial: in
         for i in range(poles):
             if k > i:
                 late[:, i:] += radii[:, i, None] * error[:, : k - i]
-        if initial:
-            late[:, : max(0, min(initial - 1, k))] = 0.0
         error[:, k] += np.einsum("cl,cl->c", late, size[:, k - 1 :: -1][:, :k]) * _MORE
-    if initial:
-        error[:, :initial] = base[:, :initial]
     with np.errstate(invalid="ignore", over="ignore"):
         return Enclosed(z, error * _MORE + 4 * _UNIT * np.abs(z), slopes, radii)
 
 
-def _response(a: Reals, drive: Reals, first: Reals) -> tuple[Reals, Reals]:
+def _response(a: Reals, drive: Reals) -> tuple[Reals, Reals]:
     """Solution of the difference equation in each cell, and bounds of its residual."""
     count, samples = drive.shape
-    given, poles = first.shape[1], a.shape[1]
+    poles = a.shape[1]
     z, doubt = np.zeros((count, samples)), np.zeros((count, samples))
-    z[:, :given] = first[:, :samples]
-    for k in range(given, samples):
+    for k in range(samples):
         total, size = drive[:, k].copy(), np.abs(drive[:, k])
         for i in range(min(poles, k)):
             part = a[:, i] * z[:, k - 1 - i]
             total -= part
             size += np.abs(part)
         z[:, k], doubt[:, k] = total, 2 * (poles + 2) * _UNIT * size
-    doubt[:, 0] = np.where(a.shape[1] and not given, doubt[:, 0], doubt[:, 0])
     return z, doubt
 
 
@@ -127,15 +147,15 @@ def _filtered(size: Reals, values: Reals) -> Reals:
     return found * _MORE
 
 
-def fitted(
+def rows_of(
     found: Enclosed,
     rows: NDArray[np.int64],
     columns: tuple[tuple[int, int], ...],
     past: tuple[Reals, Reals],
     y: Reals,
     noise: Reals,
-) -> Fitted:
-    """Bound gamma in each cell by the rows y~_k = past_k a + sum gamma_m z_(k-lag)^power + eta_k.
+) -> CellRows:
+    """State the rows of samples where the internal signal is enclosed.
 
     Parameters
     ----------
@@ -149,12 +169,26 @@ def fitted(
     """
     with np.errstate(over="ignore", invalid="ignore"):
         pairs = [_column(found, rows, lag, power) for lag, power in columns]
-    every = np.ones((found.centre.shape[0], 1, 1))
-    matrix = np.concatenate([every * past[0], np.stack([p[0] for p in pairs], axis=2)], axis=2)
-    wide = np.concatenate([every * past[1], np.stack([p[1] for p in pairs], axis=2)], axis=2)
-    usable = np.all(np.isfinite(matrix) & np.isfinite(wide) & (wide < 1e100), axis=2)
-    matrix = np.where(usable[:, :, None], matrix, 0.0)
-    wide = np.where(usable[:, :, None], wide, 0.0)
+    count = found.centre.shape[0]
+    every = np.ones((count, 1, 1))
+    return CellRows(
+        np.concatenate([every * past[0], np.stack([p[0] for p in pairs], axis=2)], axis=2),
+        np.concatenate([every * past[1], np.stack([p[1] for p in pairs], axis=2)], axis=2),
+        np.tile(y, (count, 1)),
+        np.tile(noise, (count, 1)),
+    )
+
+
+def fitted(given: CellRows) -> Fitted:
+    """Bound gamma in each cell by its rows.
+
+    Parameters
+    ----------
+    given : CellRows
+    """
+    given, usable = _usable(given)
+    matrix, y = given.matrix, given.y
+    wide, noise = _alone(given)
     sure = usable.astype(float)
     gamma = _least_squares(matrix, sure, y)[0]
     for _ in range(3):  # rows in which z is known badly count little
@@ -162,17 +196,44 @@ def fitted(
         trust = sure / size**2
         gamma, inverse = _least_squares(matrix, trust, y)
     inverse = np.where(usable[:, None, :], inverse, 0.0)
-    reach, bounded = _radius(inverse, matrix, wide, gamma, y, noise)
+    reach, bounded = _radius(inverse, given, gamma)
     most = np.where(bounded[:, None], np.abs(gamma) + reach, np.inf)
     empty, weight, fit = np.zeros(len(matrix), bool), trust, gamma
     for _ in range(4):  # residuals near their largest count most
         rest = (y - np.einsum("ckm,cm->ck", matrix, fit)) / size
         normal = _orthogonal(matrix, usable * weight * size * rest)
-        empty |= bounded & _contradicted(normal, matrix, wide, most, y, noise)
+        empty |= bounded & _contradicted(normal, given, most)
         top = np.maximum(np.abs(rest * usable).max(axis=1, keepdims=True), 1e-300)
         weight = weight * (np.abs(rest) / top + 3e-2) ** 2
         fit = _least_squares(matrix, weight, y)[0]
     return Fitted(gamma, reach, bounded, empty)
+
+
+def _usable(given: CellRows) -> tuple[CellRows, NDArray[np.bool_]]:
+    """Set rows to 0 in which a number overflowed; and which rows are left."""
+    matrix, wide, y, noise = given[:4]
+    usable = np.all(np.isfinite(matrix) & np.isfinite(wide) & (wide < 1e100), axis=2)
+    usable &= np.isfinite(y) & np.isfinite(noise)
+    shape = given.shape
+    if shape is not None:
+        usable &= np.all(np.isfinite(shape), axis=2)
+        shape = np.where(usable[:, :, None], shape, 0.0)
+    return CellRows(
+        np.where(usable[:, :, None], matrix, 0.0),
+        np.where(usable[:, :, None], wide, 0.0),
+        np.where(usable, y, 0.0),
+        np.where(usable, noise, 1.0),
+        shape,
+        given.shared,
+    ), usable
+
+
+def _alone(given: CellRows) -> tuple[Reals, Reals]:
+    """Bound errors of the columns (C, R, M) and readings (C, R) of each row."""
+    if given.shape is None or given.shared is None:
+        return given.wide, given.noise
+    mixed = np.abs(given.shape) @ given.shared
+    return given.wide + mixed[..., :-1], given.noise + mixed[..., -1]
 
 
 def _column(found: Enclosed, rows: NDArray[np.int64], lag: int, power: int) -> tuple[Reals, Reals]:
@@ -189,7 +250,7 @@ def _least_squares(matrix: Reals, weight: Reals, y: Reals) -> tuple[Reals, Reals
     top = np.maximum(weight.max(axis=1, keepdims=True), 1e-300)
     root = np.sqrt(weight / top)[:, :, None]
     inverse = np.linalg.pinv(matrix * root, rcond=1e-13) * root.transpose(0, 2, 1)
-    return np.einsum("cmk,k->cm", inverse, y), inverse
+    return np.einsum("cmk,ck->cm", inverse, y), inverse
 
 
 def _orthogonal(matrix: Reals, raw: Reals) -> Reals:
@@ -202,19 +263,19 @@ def _orthogonal(matrix: Reals, raw: Reals) -> Reals:
     return np.asarray(raw / size, np.float64)
 
 
-def _radius(
-    inverse: Reals, matrix: Reals, wide: Reals, middle: Reals, y: Reals, noise: Reals
-) -> tuple[Reals, NDArray[np.bool_]]:
+def _radius(inverse: Reals, given: CellRows, middle: Reals) -> tuple[Reals, NDArray[np.bool_]]:
     """|gamma - middle| <= radius by the left inverse, as for boxes of regressions."""
+    matrix, y = given.matrix, given.y
     count, size, _ = inverse.shape
-    loss = 4.0 * (y.size + size + 8) * _UNIT
+    loss = 4.0 * (y.shape[1] + size + 8) * _UNIT
     slope = np.abs(matrix)
+    wide, noise = given.errors(inverse)
     rest = np.abs(y - np.einsum("ckm,cm->ck", matrix, middle))
     rest = rest + loss * (np.abs(y) + np.einsum("ckm,cm->ck", slope, np.abs(middle)))
-    push = rest + noise + np.einsum("ckm,cm->ck", wide, np.abs(middle))
-    drive = np.einsum("cmk,ck->cm", np.abs(inverse), push) * _MORE
+    drive = np.einsum("cmk,ck->cm", np.abs(inverse), rest) + noise
+    drive = (drive + np.einsum("cml,cl->cm", wide, np.abs(middle))) * _MORE
     gram = np.abs(np.eye(size) - inverse @ matrix) + loss * (np.abs(inverse) @ slope + np.eye(size))
-    coupling = (np.abs(inverse) @ wide + gram) * _MORE
+    coupling = (wide + gram) * _MORE
     radius = np.full((count, size), np.inf)
     good = np.all(np.isfinite(coupling), axis=(1, 2)) & np.all(np.isfinite(drive), axis=1)
     if np.any(good):
@@ -229,16 +290,15 @@ def _radius(
     return radius, good
 
 
-def _contradicted(
-    normal: Reals, matrix: Reals, wide: Reals, most: Reals, y: Reals, noise: Reals
-) -> NDArray[np.bool_]:
+def _contradicted(normal: Reals, given: CellRows, most: Reals) -> NDArray[np.bool_]:
     """Check that multipliers n exclude every gamma: |n'y| exceeds what noise explains."""
-    loss = 4.0 * (y.size + most.shape[1] + 8) * _UNIT
+    matrix, y = given.matrix, given.y
+    loss = 4.0 * (y.shape[1] + most.shape[1] + 8) * _UNIT
     size = np.abs(normal)
-    left = np.abs(normal @ y) - loss * (size @ np.abs(y))
+    wide, noise = given.errors(normal[:, None])
+    left = np.abs(np.sum(normal * y, axis=1)) - loss * np.sum(size * np.abs(y), axis=1)
     through = np.abs(np.einsum("ck,ckm->cm", normal, matrix))
-    through = through + loss * np.einsum("ck,ckm->cm", size, np.abs(matrix))
-    through = through + np.einsum("ck,ckm->cm", size, wide)
+    through = through + loss * np.einsum("ck,ckm->cm", size, np.abs(matrix)) + wide[:, 0]
     with np.errstate(invalid="ignore"):
-        right = (size @ noise + np.einsum("cm,cm->c", through, most)) * _MORE
+        right = (noise[:, 0] + np.einsum("cm,cm->c", through, most)) * _MORE
     return np.asarray(left > right)

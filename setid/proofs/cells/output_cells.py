@@ -29,12 +29,14 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
-from setid.proofs.cells.arithmetic import Enclosed, Fitted, enclosed, fitted
+from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
+from setid.proofs.cells.unknown_start import depth, free_rows
+from sparsepop_py.verified.arithmetic.interval import Interval, down, up
 from sparsepop_py.verified.arithmetic.scalar_interval import Ends
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
-__all__ = ["CellBox", "Parts", "cell_box", "parts_of"]
+__all__ = ["CellBox", "Parts", "can_start", "cell_box", "parts_of"]
 
 Reals = NDArray[np.float64]
 
@@ -91,6 +93,7 @@ def parts_of(formulation: Formulation) -> Parts | None:
         return None
     words, values, spread, constants = drives
     initial = 0 if model.initial == "zero" else equation.lag
+    values[:, :initial], spread[:, :initial] = 0.0, 0.0
     return Parts(
         signal,
         blocks[0].label,
@@ -185,8 +188,10 @@ def _samples(
 
 
 _MOST = 20000  # cells at a time
+_MOST_FREE = 4000  # where rows share their noise, which takes more memory
 _ROUNDS = 60
 _PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine
+_FAR = 1e100  # of a signal: what says nothing
 _FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
 
 
@@ -250,8 +255,8 @@ def cell_box(
         Most halvings.
     """
     parts = parts_of(formulation)
-    if parts is None or parts.initial:
-        return None  # unknown initial values of z have no bounds either
+    if parts is None or not can_start(parts):
+        return None
     number = {name: i for i, name in enumerate(formulation.parameters)}
     poles = start[:, [number[name] for name in parts.poles]]
     if not np.all(np.isfinite(poles)):
@@ -261,6 +266,7 @@ def cell_box(
     known = ~np.isnan(data.y[:, 0])
     for lag in range(1, len(parts.past) + 1):
         known[lag:] &= ~np.isnan(data.y[:-lag, 0])
+    known = _with_combinations(parts, known)
     if not np.any(np.abs(data.y[known, 0]) > noise[known]):
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
@@ -268,12 +274,39 @@ def cell_box(
     return _converted(parts, formulation, start, left, fit, used)
 
 
+def can_start(parts: Parts) -> bool:
+    """Check that rows can be freed of unknown first samples of z, if there are any.
+
+    Parameters
+    ----------
+    parts : Parts
+    """
+    powers = {column.power for column in parts.columns}
+    return not parts.initial or (len(parts.poles) == 1 and max(powers) in (1, 2))
+
+
+def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows that can be combined with those before them."""
+    if not parts.initial:
+        return known
+    lags = [column.lag for column in parts.columns]
+    back = depth(lags)
+    first = parts.initial - 1 + max(lags)  # rows before it hold samples of z that are not asked
+    usable = np.zeros_like(known)
+    usable[max(first, len(parts.past)) :] = known[max(first, len(parts.past)) :]
+    found = usable.copy()
+    for lag in range(1, back + 1):
+        found[:lag] = False
+        found[lag:] &= usable[:-lag]
+    return found
+
+
 # ---- cells --------------------------------------------------------------------------------
 
 
 def _first_cells(parts: Parts, poles: Reals) -> Reals:
     """The faces of the cube times the box of the denominator, shape (C, 2, d)."""
-    count = len(parts.words) + parts.initial
+    count = len(parts.words)
     faces = []
     for face in range(count):
         ends = np.tile([[-1.0], [1.0]], count)
@@ -284,21 +317,53 @@ def _first_cells(parts: Parts, poles: Reals) -> Reals:
 
 def _measured(
     parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray[Any]
-) -> tuple[Any, ...]:
+) -> tuple[Enclosed, CellRows, Fitted]:
+    """Enclose the signal in each cell, state its rows and fit them."""
     upto = int(rows[-1]) + 1
-    found = enclosed(
-        cells,
-        len(parts.poles),
-        parts.drives[:, :upto],
-        parts.drive_noise[:, :upto],
-        parts.initial,
-    )
+    drives, spread = parts.drives[:, :upto], parts.drive_noise[:, :upto]
+    found = enclosed(cells, len(parts.poles), drives, spread)
     y, noise = formulation.data.y[:, 0], formulation.noise.bounds(formulation.data)[0][:, 0]
+    columns = tuple((column.lag, column.power) for column in parts.columns)
+    if parts.initial:
+        pole = Interval(cells[:, 0, :1], cells[:, 1, :1])
+        signal = Interval(down(found.centre - found.radius), up(found.centre + found.radius))
+        known = y[:upto], noise[:upto], _row_noise(formulation)[:upto]
+        drive = _drive(cells[:, :, 1:], drives, spread)
+        given = free_rows(pole, drive, signal, rows, columns, len(parts.past), *known)
+        return found, given, fitted(given)
     lags = np.arange(1, len(parts.past) + 1)
     before = rows[:, None] - lags
     past = -np.where(before < 0, 0.0, y[before]), np.where(before < 0, 0.0, noise[before])
-    columns = tuple((column.lag, column.power) for column in parts.columns)
-    return found, fitted(found, rows, columns, past, y[rows], _row_noise(formulation)[rows])
+    given = rows_of(found, rows, columns, past, y[rows], _row_noise(formulation)[rows])
+    return found, given, fitted(given)
+
+
+def _own(parts: Parts, cells: Reals, fit: Fitted) -> Fitted:
+    """Coefficients of the map, where columns of rows that are combined have 1 + a times theirs."""
+    if not parts.initial:
+        return fit
+    below = np.stack([down(1.0 + cells[:, 0, 0]), up(1.0 + cells[:, 1, 0])], axis=1)
+    gamma, radius = fit.gamma.copy(), fit.radius.copy()
+    for m, column in enumerate(parts.columns, len(parts.past)):
+        if column.power == 1:
+            ends = np.stack([gamma[:, m] - radius[:, m], gamma[:, m] + radius[:, m]], axis=1)
+            low, high = _divided(ends, below).T
+            some = np.isfinite(low) & np.isfinite(high)
+            low, high = np.where(some, low, 0.0), np.where(some, high, 0.0)
+            gamma[:, m] = np.where(some, 0.5 * low + 0.5 * high, gamma[:, m])
+            reach = np.maximum(high - gamma[:, m], gamma[:, m] - low) * (1 + 1e-15)
+            radius[:, m] = np.where(some, reach, np.inf)
+    return Fitted(gamma, radius, fit.bounded, fit.empty)
+
+
+def _drive(numerator: Reals, drives: Reals, spread: Reals) -> Interval:
+    """Enclose the drive of the block in each cell, (C, N)."""
+    total = Interval.point(np.zeros((1, 1)))
+    for i in range(drives.shape[0]):
+        weight = Interval(numerator[:, 0, i, None], numerator[:, 1, i, None])
+        sample = Interval(down(drives[i] - spread[i]), up(drives[i] + spread[i]))
+        total = total + weight * Interval(sample.lo[None], sample.hi[None])
+    return total
 
 
 def _row_noise(formulation: Formulation) -> Reals:
@@ -326,7 +391,9 @@ def _pruned(
         if fit is not None and not whole:
             break  # what fewer samples say is whole
         cells, spent = left, spent + used
-        fit = _measured(parts, formulation, left, rows)[1] if len(left) else None
+        fit = None
+        if len(left):
+            fit = _own(parts, left, _measured(parts, formulation, left, rows)[2])
         if fit is None or not whole or known.size <= count or spent == rounds:
             break
     return cells, fit, spent
@@ -349,16 +416,19 @@ def _halved(
             done.append(cells)
             whole = used == rounds or not len(cells)
             break
-        found, fit = _measured(parts, formulation, cells, rows)
+        found, given, fit = _measured(parts, formulation, cells, rows)
         alive = ~fit.empty
         own = slice(len(parts.past), None)
         size, radius = np.abs(fit.gamma[:, own]), fit.radius[:, own]
         effect = _effects(found, size, parts.columns, rows, noise)
-        worst = _effects(found, size + radius, parts.columns, rows, noise)
-        fine = alive & fit.bounded & (worst.max(axis=1) <= _FINE)
+        if parts.initial:
+            worst = _looseness(given, size + radius)
+        else:
+            worst = _effects(found, size + radius, parts.columns, rows, noise).max(axis=1)
+        fine = alive & fit.bounded & (worst <= _FINE)
         done.append(cells[fine])
         rest = np.flatnonzero(alive & ~fine)
-        if 2 * rest.size + sum(map(len, done)) > _MOST:
+        if 2 * rest.size + sum(map(len, done)) > (_MOST_FREE if parts.initial else _MOST):
             done.append(cells[rest])
             used, whole = used + 1, False  # this round is repeated when it is computed again
             break
@@ -380,6 +450,19 @@ def _effects(
     effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
     width = found.radii > 0
     return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
+
+
+def _looseness(given: CellRows, gamma: Reals) -> Reals:
+    """Share of the noise of rows that is due to the width of a cell, (C,)."""
+    own = slice(given.wide.shape[2] - gamma.shape[1], None)
+    assert given.shape is not None and given.shared is not None
+    usable = np.isfinite(given.noise)
+    with np.errstate(over="ignore", invalid="ignore"):
+        share = given.noise + np.einsum("ckm,cm->ck", given.wide[:, :, own], gamma)
+        share = share / (np.abs(given.shape) @ given.shared[:, -1])
+        share = np.nan_to_num(share, nan=1e300, posinf=1e300)
+    total = np.where(usable, share, 0.0).sum(axis=1)
+    return np.asarray(total / np.maximum(usable.sum(axis=1), 1), np.float64)
 
 
 def _halves(cells: Reals, place: NDArray[Any]) -> Reals:
@@ -428,9 +511,12 @@ def _converted(
     signal = np.array([np.full(present.size, np.inf), np.full(present.size, -np.inf)])
     if fit is not None:
         every = np.arange(formulation.data.samples)
-        found = enclosed(cells, len(parts.poles), parts.drives, parts.drive_noise, parts.initial)
+        found = enclosed(cells, len(parts.poles), parts.drives, parts.drive_noise)
         z_low = (found.centre - found.radius)[:, every[present]]
         z_high = (found.centre + found.radius)[:, every[present]]
+        if parts.initial:
+            reach = _from_start(parts, formulation, cells, fit)[:, present]
+            z_low, z_high = z_low - reach, z_high + reach
         factor = _factor(parts, model, cells, fit)
         place = {name: i for i, name in enumerate(names)}
         for c in range(len(cells)):
@@ -438,16 +524,13 @@ def _converted(
             if np.any(box[0] > box[1]):
                 continue
             hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
-            ends = np.stack([factor[c, 0] * z_low[c], factor[c, 0] * z_high[c]])
-            more = np.stack([factor[c, 1] * z_low[c], factor[c, 1] * z_high[c]])
-            both = np.nan_to_num(np.concatenate([ends, more]), nan=np.inf)
-            low, high = both.min(axis=0), both.max(axis=0)
-            wide = 1e-12 * np.maximum(np.abs(low), np.abs(high))
-            if not np.all(np.isfinite(factor[c])):
-                low, high = np.full(low.size, -np.inf), np.full(low.size, np.inf)
-            signal = np.array(
-                [np.minimum(signal[0], low - wide), np.maximum(signal[1], high + wide)]
-            )
+            with np.errstate(invalid="ignore", over="ignore"):
+                both = factor[c, :, None, None] * np.stack([z_low[c], z_high[c]])
+            some = np.all(np.isfinite(both), axis=(0, 1))
+            both = np.where(some, both, 0.0)
+            wide = np.where(some, 1e-12 * np.abs(both).max(axis=(0, 1)), np.inf)
+            low, high = both.min(axis=(0, 1)) - wide, both.max(axis=(0, 1)) + wide
+            signal = np.array([np.minimum(signal[0], low), np.maximum(signal[1], high)])
     return CellBox(
         names,
         frozen(hull[0]),
@@ -458,6 +541,44 @@ def _converted(
         len(cells),
         rounds,
     )
+
+
+def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitted) -> Reals:
+    """Bound what z has besides the response from rest, (C, N); infinite where no row tells.
+
+    A row holds one sample of z alone, and its square cannot be larger than what the others let.
+    """
+    count, samples = len(cells), formulation.data.samples
+    found, past = np.full((count, samples), np.inf), len(parts.past)
+    lags = {column.lag for column in parts.columns}
+    if len(lags) > 1:
+        return found
+    size, radius = np.abs(fit.gamma) * (1 + 1e-15), fit.radius * (1 + 1e-15)
+    most, least = size + radius, np.maximum(np.abs(fit.gamma) * (1 - 1e-15) - radius, 0.0)
+    sums = {power: np.zeros(count) for power in (0, 1, 2)}
+    for place, column in enumerate(parts.columns, past):
+        sums[column.power] += most[:, place]
+    degree = max(column.power for column in parts.columns)
+    top = [column.power for column in parts.columns].index(degree) + past
+    y = np.abs(formulation.data.y[:, 0]) + _row_noise(formulation)
+    for k in range(parts.initial):
+        row = k + min(lags)
+        needed = y[row - past : row + 1] if row >= past and row < samples else np.full(1, np.nan)
+        if np.any(np.isnan(needed)):
+            continue
+        right = sums[0] + needed[-1] + most[:, :past] @ needed[past - 1 :: -1][:past]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            low = least[:, top]
+            if degree == 2:
+                root = (sums[1] + np.sqrt(sums[1] ** 2 + 4.0 * low * right)) / (2.0 * low)
+            else:
+                root = right / low
+            found[:, k] = np.where(root < _FAR, root * (1 + 1e-12), np.inf)
+    far = np.abs(cells[:, :, 0]).max(axis=1)
+    for k in range(parts.initial, samples):
+        with np.errstate(invalid="ignore"):
+            found[:, k] = found[:, k - 1] * far * (1 + 1e-15)
+    return np.where(np.isnan(found) | ~fit.bounded[:, None], np.inf, found)
 
 
 def _factor(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:

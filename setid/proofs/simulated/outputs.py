@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
-from setid.models.equations import Equation, Term
+from setid.models.equations import Equation, Term, channel_of
+from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
@@ -64,6 +65,16 @@ class Recursion:
     def dimension(self) -> int:
         """Number d of unknowns of a region: parameters and first samples."""
         return len(self.parameters) + sum(past.lower.size for past in self.past.values())
+
+    @property
+    def readings(self) -> NDArray[np.int64]:
+        """Numbers of the unknowns of a region that are first samples of outputs."""
+        place, found = len(self.parameters), list[int]()
+        for name, past in self.past.items():
+            if channel_of(name) is not None:
+                found += range(place, place + past.lower.size)
+            place += past.lower.size
+        return np.array(found, np.int64)
 
     def box(self, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
         """Ends (d,) of a region, from those of the parameters (p,)."""
@@ -159,19 +170,24 @@ def _broadcast(form: Form, samples: int) -> Form:
     return Form(ones * form.value, ones[:, None] * form.slope, ones * form.rest)
 
 
-def recursion_of(formulation: Formulation) -> Recursion | None:
+def recursion_of(formulation: Formulation, first: object = None) -> Recursion | None:
     """State a structure as a recursion that exact inputs drive, from rest or from first samples.
 
     None where inputs are noisy or missing, equations have errors, records are several, or a signal
-    is fed back through a map. The past may be unknown where the equations are those of outputs
-    alone, and all readings are there.
+    is fed back through a map. The past may be unknown where readings or cells bound the first
+    samples.
 
     Parameters
     ----------
     formulation : Formulation
+    first : object, optional
+        A :class:`CellBox` bounds first samples of an internal signal; others say nothing of them.
     """
     model, data = formulation.model, formulation.data
-    if data.records != 1 or (model.initial == "free" and not _measured(formulation)):
+    cells = first if isinstance(first, CellBox) else None
+    if data.records != 1 or (model.initial == "free" and not _complete(formulation)):
+        return None
+    if model.initial == "free" and isinstance(model, BlockStructured) and cells is None:
         return None
     _, xi, e = formulation.noise.bounds(data)
     if np.any(xi > 0) or np.any(e > 0) or np.any(np.isnan(data.u)):
@@ -188,32 +204,56 @@ def recursion_of(formulation: Formulation) -> Recursion | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    past = {e.defines: _past(formulation, e) for e in equations if model.initial == "free"}
-    if any(not np.all(np.isfinite([p.lower, p.upper])) for p in past.values()):
+    past = _pasts(formulation, equations, cells)
+    if past is None:
         return None
     return Recursion(tuple(equations), known, formulation.parameters, outputs, past)
 
 
-def _measured(formulation: Formulation) -> bool:
-    """Check that every equation is one of an output, and every reading is there."""
+def _pasts(
+    formulation: Formulation, equations: Sequence[Equation], cells: CellBox | None
+) -> dict[str, Past] | None:
+    """First samples that are unknown; None where they are not bounded."""
+    found = dict[str, Past]()
+    for equation in equations if formulation.model.initial == "free" else ():
+        past = _past(formulation, equation, cells)
+        if not np.all(np.isfinite([past.lower, past.upper])):
+            return None
+        if past.lower.size or equation.output is not None:
+            found[equation.defines] = past
+    return found
+
+
+def _complete(formulation: Formulation) -> bool:
+    """Check that every reading is there, and more of them than the equations look back."""
     model, data = formulation.model, formulation.data
     outputs = tuple(f"y{i + 1}" for i in range(model.outputs))
-    defined = [equation.defines for equation in model.equations(outputs)]
     lag = max((equation.lag for equation in model.equations(outputs)), default=0)
-    complete = not np.any(np.isnan(data.y)) and data.samples > lag
-    return complete and not isinstance(model, BlockStructured) and set(defined) <= set(outputs)
+    return not np.any(np.isnan(data.y)) and data.samples > lag
 
 
-def _past(formulation: Formulation, equation: Equation) -> Past:
-    """Readings of the samples on which the first equation of an output rests."""
-    channel = equation.output
-    assert channel is not None
+def _past(formulation: Formulation, equation: Equation, cells: CellBox | None) -> Past:
+    """Bounds of the samples on which the first equation of a signal rests."""
+    begin, channel = equation.lag, equation.output
+    if channel is None:
+        return _internal_past(formulation, equation, cells)
     lags = [s.lag for t in equation.terms for s in t.signals if s.signal == equation.defines]
-    begin = equation.lag
     before = slice(begin - max(lags), begin)
     y = formulation.data.y[before, channel]
     bound = formulation.noise.bounds(formulation.data)[0][before, channel]
     return Past(begin, np.nextafter(y - bound, -np.inf), np.nextafter(y + bound, np.inf))
+
+
+def _internal_past(formulation: Formulation, equation: Equation, cells: CellBox | None) -> Past:
+    """Bounds of all samples of an internal signal without an equation, by cells."""
+    begin, low = equation.lag, np.full(equation.lag, -np.inf)
+    high, numbers = -low, formulation.layout.group(equation.defines)[:begin]
+    if cells is not None and begin:
+        of = {number: k for k, number in enumerate(cells.unknowns.tolist())}
+        for place, number in enumerate(numbers.tolist()):
+            if number in of and number >= 0:
+                low[place], high[place] = cells.low[of[number]], cells.high[of[number]]
+    return Past(begin, low, high)
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:

@@ -180,7 +180,7 @@ class SimulatedBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Run every recursion again and apply its multipliers; there is no solver in it."""
-        parts = recursion_of(formulation)
+        parts = recursion_of(formulation, self.first)
         low, high = start
         if self.first is not None:
             if not _first_follows(self.first, formulation, start):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.proofs.cells.arithmetic import Enclosed, fitted
+from setid.proofs.cells.arithmetic import Enclosed, fitted, rows_of
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
@@ -453,12 +453,12 @@ def test_rows_with_past_readings_hold_all_noise() -> None:
     for signs in itertools.product([-1.0, 1.0], repeat=7):
         read = y + width * np.array(signs)
         past = -read[:-1, None], np.full((6, 1), width)
-        found = fitted(known, rows, ((0, 1),), past, read[1:], spread)
+        found = fitted(rows_of(known, rows, ((0, 1),), past, read[1:], spread))
         assert found.bounded[0] and not found.empty[0]
         off = np.abs(found.gamma[0] - [a, gamma])
         assert np.all(off <= found.radius[0])
         largest = max(largest, float(np.max(off / found.radius[0])))
-        exact = fitted(known, rows, ((0, 1),), (past[0], 0 * past[1]), read[1:], spread)
+        exact = fitted(rows_of(known, rows, ((0, 1),), (past[0], 0 * past[1]), read[1:], spread))
         assert np.all(found.radius >= exact.radius + 0.2 * width)
     assert largest > 0.2
 
@@ -543,9 +543,3 @@ def test_a_limit_in_time_keeps_what_is_proved() -> None:
     assert found.verify()
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert value in item and np.all(np.isfinite(item.outer))
-
-
-def test_unknown_pasts_are_said_to_be_in_the_way() -> None:
-    model = cascade(initial="free")
-    found = setid.identify(record(), model, setid.Noise(output=0.01), setid.Stable(), QUICK)
-    assert "initial='zero'" in " ".join(found.notes)
