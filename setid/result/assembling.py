@@ -14,7 +14,7 @@ from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.options import Options
-from setid.proofs.cells.output_cells import can_start, parts_of
+from setid.proofs.cells.parts import can_start, parts_of
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, start_of
 from setid.proofs.uniqueness.normalisation import Nonzero

@@ -167,8 +167,9 @@ class MultiObjectiveSearch:
                 auto.candidates = [*auto.candidates, *found]
                 if several and auto.context.best is not None:
                     break  # moments of relaxations are better starts than the others
-            if auto.context.best is not None:
-                self.points.append(auto.context.best)
+            best = auto.context.best
+            if best is not None and all(best is not known for known in self.points):
+                self.points.append(best)
         self._share_points(self.points)
 
     def _tighten(self) -> None:

@@ -8,10 +8,12 @@ denominator and in products of its numerator with gamma, and hold noise of sever
 
     y~_k - eta_k = -sum_i a_i (y~_(k-i) - eta_(k-i)) + sum_jm b_j gamma_m z_(k-j)^m.
 
-The numerator (and unknown initial values of z) are only known up to a factor that gamma
-takes up. All ratios are covered by the faces of a cube: one coordinate is 1, the others lie
-in [-1, 1]. The normalisation that was asked for gives each cell its factor at the end.
-Nothing here rests on a solver: every enclosure is computed with its rounding errors.
+The numerator is only known up to a factor that gamma takes up. All ratios are covered by the
+faces of a cube: one coordinate is 1, the others lie in [-1, 1]. The normalisation that was asked
+for gives each cell its factor at the end. Where the first samples of z are unknown, rows are
+combined that do not hold them (``unknown_start.py``), and z is bounded at last by the square that
+a row holds of it. Nothing here rests on a solver: every enclosure is computed with its rounding
+errors.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,163 +30,17 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
-from setid.models.equations import Equation, Lagged, channel_of
 from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
+from setid.proofs.cells.parts import Column, Parts, can_start, parts_of
 from setid.proofs.cells.unknown_start import depth, free_rows
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
 from sparsepop_py.verified.arithmetic.scalar_interval import Ends
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
-__all__ = ["CellBox", "Parts", "can_start", "cell_box", "parts_of"]
+__all__ = ["CellBox", "cell_box", "drive_of"]
 
 Reals = NDArray[np.float64]
-
-
-class Column(NamedTuple):
-    """A sample z(k - lag)^power, and the product of parameters that multiplies it."""
-
-    lag: int
-    power: int
-    word: tuple[str, ...]
-
-
-class Parts(NamedTuple):
-    """Parts of a structure z = G r, y1 = N(z) or y1 = H N(z) that the method uses."""
-
-    signal: str
-    label: str  # of G
-    poles: tuple[str, ...]
-    words: tuple[tuple[str, ...], ...]  # products of parameters, one a coordinate
-    constants: Reals  # and what else multiplies them
-    drives: Reals  # (q, N)
-    drive_noise: Reals  # (q, N)
-    past: tuple[str, ...]  # denominator of H
-    numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
-    columns: tuple[Column, ...]
-    initial: int  # unknown first samples of z
-
-
-def parts_of(formulation: Formulation) -> Parts | None:
-    """Find the parts of a structure; None for others and for several records."""
-    model, data = formulation.model, formulation.data
-    if not isinstance(model, BlockStructured) or model.outputs != 1 or data.records != 1:
-        return None
-    bare = model.changed(fixed=(), unit_gain=())
-    behind = _behind(bare)
-    if behind is None:
-        return None
-    signal, past, numerator, columns = behind
-    label = [b.label for b in model.blocks if b.target == "y1"]
-    numerator = numerator if set(label) & set(model.unit_gain) else ()
-    blocks = [b for b in model.blocks if b.target == signal]
-    equations = {e.defines: e for e in bare.equations(())}
-    if len(blocks) != 1 or channel_of(signal) is not None or signal not in equations:
-        return None
-    equation = equations[signal]
-    poles = bare.wiring.transfer(blocks[0]).denominator
-    fixed = {name for name, _ in model.fixed}
-    if fixed & {*poles, *past} or any(
-        len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]
-    ):
-        return None
-    drives = _drives(equation, len(poles), signal, formulation)
-    if drives is None:
-        return None
-    words, values, spread, constants = drives
-    initial = 0 if model.initial == "zero" else equation.lag
-    values[:, :initial], spread[:, :initial] = 0.0, 0.0
-    return Parts(
-        signal,
-        blocks[0].label,
-        poles,
-        words,
-        constants,
-        values,
-        spread,
-        past,
-        numerator,
-        columns,
-        initial,
-    )
-
-
-Behind = tuple[str, tuple[str, ...], tuple[str, ...], tuple[Column, ...]]
-
-
-def _behind(bare: BlockStructured) -> Behind | None:
-    """The signal z before the map, H, and the columns of rows that the map and H make of z."""
-    maps, wiring = dict(bare.maps), bare.wiring
-    before = [b for b in bare.blocks if b.target == "y1"]
-    name, past, numerator, delay = "y1", tuple[str, ...](), tuple[str, ...](), 0
-    if before:
-        if len(before) > 1 or len(before[0].source) > 1 or before[0].source[0][1] != 1.0:
-            return None
-        name, transfer = before[0].source[0][0], wiring.transfer(before[0])
-        past, numerator, delay = transfer.denominator, transfer.numerator, transfer.delay
-    if name not in maps or not maps[name].polynomial or len(maps[name].arguments) != 1:
-        return None
-    powers = [p[0] for p in maps[name].basis if not callable(p)]
-    own = list(zip(wiring.weights(name), powers, strict=True))
-    if not before:
-        return maps[name].arguments[0], (), (), tuple(Column(0, p, (w,)) for w, p in own)
-    found = [
-        Column(delay + j, power, (b, weight))
-        for j, b in enumerate(numerator)
-        for weight, power in own
-    ]
-    return maps[name].arguments[0], past, numerator, tuple(found)
-
-
-def _drives(
-    equation: Equation, poles: int, signal: str, formulation: Formulation
-) -> tuple[tuple[tuple[str, ...], ...], Reals, Reals, Reals] | None:
-    """Samples of what each product of parameters multiplies, and how far noise moves them."""
-    data = formulation.data
-    bound = formulation.noise.bounds(data)[1]
-    model = formulation.model
-    assert isinstance(model, BlockStructured)
-    driven = model.driven(data.u)
-    words, values, spread = [], [], []
-    for item in equation.terms[1 + poles :]:
-        if any(s.signal == signal for s in item.signals):
-            return None
-        value, noisy = np.full(data.samples, -item.coefficient), np.zeros(data.samples)
-        for factor in item.signals:
-            column, width = _samples(factor, data.u, bound, driven)
-            if column is None:
-                return None
-            noisy = np.abs(value) * width + noisy * (np.abs(column) + width)
-            value = value * column
-        words.append(item.parameters)
-        values.append(value)
-        spread.append(noisy * (1 + 1e-12) + 1e-14 * np.abs(value))
-    if not words or np.any(np.isnan(values)):
-        return None
-    size = np.maximum(np.abs(values).max(axis=1), 1e-300)
-    scaled = np.array(values) / size[:, None]
-    wide = np.array(spread) / size[:, None] * (1 + 1e-12) + 1e-15
-    return tuple(words), scaled, wide, 1.0 / size
-
-
-def _samples(
-    factor: Lagged, u: Reals, bound: Reals, driven: Mapping[str, Reals]
-) -> tuple[Reals | None, Reals]:
-    found = channel_of(factor.signal)
-    if found is None:
-        column, width = driven.get(factor.signal), np.zeros(u.shape[0])
-    elif found[0] == "u":
-        column, width = u[:, found[1]], bound[:, found[1]]
-    else:
-        return None, np.zeros(u.shape[0])
-    if column is None:
-        return None, width
-    late, wide = np.zeros(u.shape[0]), np.zeros(u.shape[0])
-    late[factor.lag :], wide[factor.lag :] = (
-        column[: u.shape[0] - factor.lag],
-        width[: u.shape[0] - factor.lag],
-    )
-    return late, wide
 
 
 _MOST = 20000  # cells at a time
@@ -274,17 +130,6 @@ def cell_box(
     return _converted(parts, formulation, start, left, fit, used)
 
 
-def can_start(parts: Parts) -> bool:
-    """Check that rows can be freed of unknown first samples of z, if there are any.
-
-    Parameters
-    ----------
-    parts : Parts
-    """
-    powers = {column.power for column in parts.columns}
-    return not parts.initial or (len(parts.poles) == 1 and max(powers) in (1, 2))
-
-
 def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Rows that can be combined with those before them."""
     if not parts.initial:
@@ -328,7 +173,7 @@ def _measured(
         pole = Interval(cells[:, 0, :1], cells[:, 1, :1])
         signal = Interval(down(found.centre - found.radius), up(found.centre + found.radius))
         known = y[:upto], noise[:upto], _row_noise(formulation)[:upto]
-        drive = _drive(cells[:, :, 1:], drives, spread)
+        drive = drive_of(cells[:, :, 1:], drives, spread)
         given = free_rows(pole, drive, signal, rows, columns, len(parts.past), *known)
         return found, given, fitted(given)
     lags = np.arange(1, len(parts.past) + 1)
@@ -356,8 +201,16 @@ def _own(parts: Parts, cells: Reals, fit: Fitted) -> Fitted:
     return Fitted(gamma, radius, fit.bounded, fit.empty)
 
 
-def _drive(numerator: Reals, drives: Reals, spread: Reals) -> Interval:
-    """Enclose the drive of the block in each cell, (C, N)."""
+def drive_of(numerator: Reals, drives: Reals, spread: Reals) -> Interval:
+    """Enclose the drive of the block in each cell, (C, N).
+
+    Parameters
+    ----------
+    numerator : (C, 2, q) float
+        Ends of its coefficients.
+    drives, spread : (q, N) float
+        Samples, and how far noise may move them.
+    """
     total = Interval.point(np.zeros((1, 1)))
     for i in range(drives.shape[0]):
         weight = Interval(numerator[:, 0, i, None], numerator[:, 1, i, None])

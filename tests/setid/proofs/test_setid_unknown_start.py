@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from fractions import Fraction
 
@@ -10,7 +11,8 @@ import pytest
 
 import setid
 from setid.proofs.cells.arithmetic import CellRows
-from setid.proofs.cells.output_cells import CellBox, can_start, cell_box, parts_of
+from setid.proofs.cells.output_cells import CellBox, cell_box, drive_of
+from setid.proofs.cells.parts import can_start, parts_of
 from setid.proofs.cells.unknown_start import depth, free_rows
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.outputs import recursion_of
@@ -137,6 +139,21 @@ def test_rows_of_a_cell_hold_those_of_its_points() -> None:
         assert np.all(np.abs(point.y - wide.y) <= wide.noise + 1e-9)
     narrow = made(ends(-0.45), ends(drive.mean(axis=0)), ends(signal.mean(axis=0)), y, NOISE)
     assert np.all(wide.noise > narrow.noise) and np.all(wide.wide > narrow.wide)
+
+
+def test_drives_of_a_cell_hold_those_of_all_numerators_and_inputs() -> None:
+    random = np.random.default_rng(6)
+    cells, drives = np.sort(random.normal(size=(3, 2, 2)), axis=1), random.normal(size=(2, 5))
+    spread = random.uniform(size=(2, 5))
+    found = drive_of(cells, drives, spread)
+    reached = []
+    for shares in itertools.product([0.0, 1.0], repeat=4):
+        numerator = cells[:, 0] + np.array(shares[:2]) * (cells[:, 1] - cells[:, 0])
+        signs = 2.0 * np.array(shares[2:]) - 1.0
+        reached.append(numerator @ (drives + signs[:, None] * spread))
+        assert np.all((found.lo <= reached[-1]) & (reached[-1] <= found.hi))
+    assert np.all(found.hi - np.max(reached, axis=0) < 1e-12)
+    assert np.all(np.min(reached, axis=0) - found.lo < 1e-12)
 
 
 @pytest.mark.parametrize("behind", [-0.9, 0.9])
