@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import qr
-from scipy.signal import lfilter
 
 from setid.proofs.least_noise.denominator_cells import OutputRows
 
@@ -99,12 +99,12 @@ class Programs:
         """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k)."""
         inside, outside = _factored(a)
         ahead, back = inside.size - 1, outside.size - 1
-        inner = lfilter([1.0], inside, errors[::-1])[::-1][ahead:]
+        inner = _response(inside, errors[::-1])[::-1][ahead:]
         if not back:
             return np.asarray(inner / outside[0], np.float64)
         turned = outside[::-1] / outside[-1]
         return np.asarray(
-            lfilter([1.0], turned, inner / outside[-1])[: self.y.size - self.order], np.float64
+            _response(turned, inner / outside[-1])[: self.y.size - self.order], np.float64
         )
 
 
@@ -119,8 +119,13 @@ def _factored(a: Reals) -> tuple[Reals, Reals]:
     return np.atleast_1d(inside), outside
 
 
+def _response(factor: Reals, drive: Reals) -> Reals:
+    """Filter a signal by one over a polynomial; ``scipy.signal`` is loaded here, when asked."""
+    return np.asarray(scipy.signal.lfilter([1.0], factor, drive), np.float64)
+
+
 def _forward(factor: Reals, start: Reals, drive: Reals) -> Reals:
-    return np.asarray(lfilter([1.0], factor, np.concatenate([start, drive])), np.float64)
+    return _response(factor, np.concatenate([start, drive]))
 
 
 def _backward(factor: Reals, end: Reals, drive: Reals) -> Reals:
@@ -129,7 +134,7 @@ def _backward(factor: Reals, end: Reals, drive: Reals) -> Reals:
         return drive / factor[0]
     turned = factor[::-1] / factor[-1]
     return np.asarray(
-        lfilter([1.0], turned, np.concatenate([end, drive[::-1] / factor[-1]]))[::-1], np.float64
+        _response(turned, np.concatenate([end, drive[::-1] / factor[-1]]))[::-1], np.float64
     )
 
 
