@@ -51,28 +51,41 @@ class Programs:
 
     def solve(self, a: Reals, reference: Integers | None) -> tuple[float, Reals, Integers] | None:
         """Noise that is needed, and the multiplier (N,); None where it cannot be computed."""
+        basis = self.orthonormal(a)
+        if basis is None:
+            return None
+        target = self.y / self.bound
+        if reference is None:
+            reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
         with np.errstate(all="ignore"):
-            outputs = self.outputs(a)
-            if outputs is None:
-                return None
-            basis = np.linalg.qr(outputs / self.bound[:, None])[0]
-            target = self.y / self.bound
-            if reference is None:
-                reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
             found = _exchanged(basis, target, reference)
-            if found is None:
-                return None
-            level, shares, reference = found
-            errors = np.zeros(target.size)
-            np.add.at(errors, reference, shares)
-            multiplier = self.adjoint(a, errors / self.bound)
-            for _ in range(2):
-                multiplier = multiplier - self.basis @ (self.basis.T @ multiplier)
-        if not np.all(np.isfinite(multiplier)):
+        if found is None:
+            return None
+        level, shares, reference = found
+        multiplier = self.multiplier(a, reference, shares)
+        if multiplier is None:
             return None
         whole = np.zeros(self.length)
         whole[self.section] = multiplier
         return level, whole, reference
+
+    def orthonormal(self, a: Reals) -> Reals | None:
+        """Orthonormal outputs without noise, in noise bounds; None where they overflow."""
+        with np.errstate(all="ignore"):
+            outputs = self.outputs(a)
+            if outputs is None:
+                return None
+            return np.asarray(np.linalg.qr(outputs / self.bound[:, None])[0], np.float64)
+
+    def multiplier(self, a: Reals, reference: Integers, shares: Reals) -> Reals | None:
+        """The multiplier (S - n,) that lets errors in at a reference; None where it overflows."""
+        errors = np.zeros(self.y.size)
+        np.add.at(errors, reference, shares)
+        with np.errstate(all="ignore"):
+            found = self.adjoint(a, errors / self.bound)
+            for _ in range(2):
+                found = found - self.basis @ (self.basis.T @ found)
+        return found if np.all(np.isfinite(found)) else None
 
     def outputs(self, a: Reals) -> Reals | None:
         """Outputs without noise, (S, n + c): of each column and each first or last sample."""

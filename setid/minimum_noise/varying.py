@@ -191,26 +191,14 @@ class _Search:
     def _new_multiplier(self, a: Reals, reference: Integers, shares: Reals) -> int:
         """Make the multiplier of a denominator with errors at a reference."""
         programs = self._programs
-        errors = np.zeros(programs.y.size)
-        np.add.at(errors, reference, shares)
-        with np.errstate(all="ignore"):
-            found = programs.adjoint(a, errors / programs.bound)
-            for _ in range(2):
-                found = found - programs.basis @ (programs.basis.T @ found)
-        if not np.all(np.isfinite(found)):
+        found = programs.multiplier(a, reference, shares)
+        if found is None:
             return -1
         n, length = self._rows.order, programs.y.size
         padded = np.concatenate([np.zeros(n), found, np.zeros(n)])
         self._ahead.append(sliding_window_view(padded, length))
         self._moments.append(self._ahead[-1] @ programs.y)
         return len(self._ahead) - 1
-
-    def _orthonormal(self, a: Reals) -> Reals | None:
-        with np.errstate(all="ignore"):
-            outputs = self._programs.outputs(a)
-            if outputs is None:
-                return None
-            return np.asarray(np.linalg.qr(outputs / self._programs.bound[:, None])[0], np.float64)
 
     def _member(self, family: int, vector: tuple[int, ...]) -> int:
         """The number of a family's multiplier at a vector; -1 where it cannot be computed."""
@@ -222,7 +210,7 @@ class _Search:
             a = np.array([float(entry) for entry in vector])
             a /= np.abs(a).max()
             if vector not in self._outputs:
-                self._outputs[vector] = self._orthonormal(a)
+                self._outputs[vector] = self._programs.orthonormal(a)
             basis, number = self._outputs[vector], -1
             if basis is not None:
                 shares = _null(basis[known.reference], known.shares)
@@ -233,7 +221,7 @@ class _Search:
     def _new_families(self, a: Reals, node: _Node) -> _Node | None:
         """Add the families of one denominator in a cone: one that varies, one that does not."""
         solved = self._programs.solve(a, node.reference)
-        basis = None if solved is None else self._orthonormal(a)
+        basis = None if solved is None else self._programs.orthonormal(a)
         if solved is None or basis is None:
             return None
         level, _, reference = solved
