@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
+from setid.minimum_noise.cones import changing_edge, handed_on, monic
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, longest_stretch
 from setid.minimum_noise.varying import follow_denominators
@@ -37,9 +38,6 @@ _FIRST = (1.0, 0.7, 0.6, 0.15)  # of the time, by the order: for multipliers tha
 _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is parted
-_POOL = 10  # multipliers that a cone hands on
-_UNEVEN = 24  # largest power of two between the weights of an edge
-_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
 _MEMORY = 2.0**28  # bytes of multipliers
 
@@ -147,7 +145,7 @@ class _Search:
             self._cells[number] = Cell(used=own, shares=tuple(shares[used].tolist()))
         self._proved[number] = low = max(low, least)
         if low < self.target and grown.centre >= 0:
-            kept = self._kept(shares)
+            kept = handed_on(shares)
             grown = grown._replace(
                 number=number,
                 used=[grown.used[i] for i in kept],
@@ -155,11 +153,6 @@ class _Search:
                 noises=grown.noises[kept],
             )
             heapq.heappush(self._waiting, (low, number, grown))
-
-    def _kept(self, shares: Reals) -> Integers:
-        """The multipliers that a cone hands on: the last ones, and those of the largest shares."""
-        last = np.arange(max(0, shares.size - 4), shares.size)
-        return np.unique(np.concatenate([last, np.argsort(-np.abs(shares))[: _POOL - 4]]))
 
     def _tried(self, grown: _Grown, mixture: Reals, program: int) -> _Grown | None:
         for _ in range(_TRIES):
@@ -204,12 +197,9 @@ class _Search:
         if not level < self._level:
             return
         self._level = level
-        if abs(a[0]) > 1e-6 * np.abs(a).max():
-            monic = np.asarray(a / a[0], np.float64)
-            if self._rows.stable:
-                largest = float(np.abs(np.roots(monic)).max(initial=0.0))
-                monic = monic * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(monic.size)
-            self._best = [monic[1:], *self._best[:4]]
+        found = monic(a, self._rows.stable)
+        if found is not None:
+            self._best = [found[1:], *self._best[:4]]
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
@@ -277,17 +267,13 @@ class _Search:
     def _part(self, grown: _Grown, low: float) -> None:
         """Part a cone at the edge along which its multipliers change most."""
         cone = grown.cone.astype(np.float64)
-        filtered = (cone / grown.sizes[:, None]) @ self._shifted(self._multipliers[grown.centre])
-        lengths = np.array(
-            [[np.abs(one - two) @ self._rows.bound for two in filtered] for one in filtered]
-        )
-        i, j = (int(k) for k in np.unravel_index(int(np.argmax(lengths)), lengths.shape))
-        uneven = int(np.clip(np.round(np.log2(grown.sizes[j] / grown.sizes[i])), -_UNEVEN, _UNEVEN))
-        weights = 2 ** max(uneven, 0), 2 ** max(-uneven, 0)
-        parts = parted_cone(grown.cone, (i, j), weights) if i != j else None
-        if parts is None:  # too thin: it stays a leaf
+        filtered = cone @ self._shifted(self._multipliers[grown.centre])
+        edge = changing_edge(filtered, grown.sizes, self._rows.bound)
+        parts = None if edge is None else parted_cone(grown.cone, edge[:2], edge[2])
+        if edge is None or parts is None:  # too thin: it stays a leaf
             self._cap = min(self._cap, low)
             return
+        i, j, weights = edge
         first = len(self._cells)
         children = first, first + 1
         new = parts[0][i].astype(np.float64)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
+from setid.minimum_noise.cones import changing_edge, handed_on, monic
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import (
@@ -38,15 +39,12 @@ __all__ = ["follow_denominators"]
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _PROGRAMS = 2  # a cone before it is parted
-_POOL = 10  # families that a cone hands on
-_UNEVEN = 24  # largest power of two between the weights of an edge
 _MEMORY = 2.0**29  # bytes of multipliers and of bases
 _RATIOS, _GROWN = 10, 1e-2  # steps to the largest ratio of a cone, and the least of them
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _TINY, _ALMOST = 1e-7, 1e-4
 _LOWER = 0.01  # of a level: where a descent is worth it
 _ALMOST_STABLE = 1.0 + 1e-4
-_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
 class _Family(NamedTuple):
@@ -142,17 +140,14 @@ class _Search:
 
     def try_denominator(self, a: Reals) -> float:
         """Return the noise that a denominator needs, made stable; remember it if it is the best."""
-        if not abs(a[0]) > 1e-6 * np.abs(a).max():
+        tried = monic(a, self._rows.stable)
+        if tried is None:
             return np.inf
-        monic = np.asarray(a / a[0], np.float64)
-        if self._rows.stable:
-            largest = float(np.abs(np.roots(monic)).max(initial=0.0))
-            monic = monic * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(monic.size)
-        solved = self._programs.solve(monic / np.abs(monic).max(), None)
+        solved = self._programs.solve(tried / np.abs(tried).max(), None)
         if solved is None:
             return np.inf
         if solved[0] < self.level:
-            self.level, self.best = solved[0], [monic[1:], *self.best[:4]]
+            self.level, self.best = solved[0], [tried[1:], *self.best[:4]]
         return solved[0]
 
     def improve(self) -> None:
@@ -316,7 +311,7 @@ class _Search:
         kept = node.families
         if weighed is not None:
             self._leaves[number], self._proved[number] = weighed.leaf, weighed.factor
-            kept = [kept[i] for i in _kept(weighed.own)]
+            kept = [kept[i] for i in handed_on(weighed.own)]
         if self._proved[number] < self.target:
             node = node._replace(number=number, families=kept)
             heapq.heappush(self._waiting, (max(least, self._proved[number]), number, node))
@@ -357,16 +352,15 @@ class _Search:
 
     def _part(self, node: _Node, low: float) -> None:
         """Part a cone at the edge along which its multiplier changes most."""
-        i, j, uneven = 0, 1, 0
+        edge: tuple[int, int, tuple[int, int]] | None = (0, 1, (1, 1))
         if node.centre >= 0:
             filtered = node.cone.astype(np.float64) @ self._ahead[node.centre]
             sizes = np.maximum(np.abs(filtered) @ self._programs.bound, 1e-100)
-            filtered /= sizes[:, None]
-            apart = np.abs(filtered[:, None] - filtered[None]) @ self._programs.bound
-            i, j = (int(k) for k in np.unravel_index(int(np.argmax(apart)), apart.shape))
-            uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i])), -_UNEVEN, _UNEVEN))
-        weights = 2 ** max(uneven, 0), 2 ** max(-uneven, 0)
-        parts = parted_cone(node.cone, (i, j), weights) if i != j else None
+            edge = changing_edge(filtered, sizes, self._programs.bound)
+        if edge is None:
+            return
+        i, j, weights = edge
+        parts = parted_cone(node.cone, (i, j), weights)
         if parts is None:  # too thin: it stays a leaf
             return
         first = len(self._leaves)
@@ -413,12 +407,6 @@ def _null(rows: Reals, like: Reals) -> Reals:
     if found @ like < 0.0:
         found = -found
     return np.asarray(found / np.abs(found).sum(), np.float64)
-
-
-def _kept(own: Reals) -> Integers:
-    """The families that a cone hands on: the last ones, and those of the largest shares."""
-    last = np.arange(max(0, own.size - 4), own.size)
-    return np.unique(np.concatenate([last, np.argsort(-own)[: _POOL - 4]]))
 
 
 def _shared(

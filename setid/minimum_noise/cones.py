@@ -1,0 +1,82 @@
+"""Choose how a cone of denominators is parted, and what it hands on to its parts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["changing_edge", "handed_on", "monic"]
+
+Reals = NDArray[np.float64]
+_LAST = 4  # of the multipliers that a cone hands on
+_POOL = 10  # that it hands on
+_UNEVEN = 24  # largest power of two between the weights of an edge
+_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
+
+
+def handed_on(shares: Reals) -> NDArray[np.int64]:
+    """Number the multipliers that a cone hands on: the last ones, and those of large shares.
+
+    Parameters
+    ----------
+    shares : (m,) float
+
+    Examples
+    --------
+    >>> handed_on(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    array([ 0,  1,  2,  3,  4,  5,  9, 10, 11, 12])
+    """
+    last = np.arange(max(0, shares.size - _LAST), shares.size)
+    return np.unique(np.concatenate([last, np.argsort(-np.abs(shares))[: _POOL - _LAST]]))
+
+
+def changing_edge(
+    filtered: Reals, sizes: Reals, bound: Reals
+) -> tuple[int, int, tuple[int, int]] | None:
+    """Choose the edge along which a filtered multiplier changes most; None where none changes.
+
+    Parameters
+    ----------
+    filtered : (K, S) float
+        The multiplier filtered by each vector of the cone.
+    sizes : (K,) float
+        Of these, in noise.
+    bound : (S,) float
+        Noise bounds.
+
+    Returns
+    -------
+    i, j : int
+        Numbers of the vectors.
+    weights : tuple of int
+        Powers of two with which they make the new one.
+    """
+    scaled = filtered / sizes[:, None]
+    apart = np.abs(scaled[:, None] - scaled[None]) @ bound
+    i, j = (int(k) for k in np.unravel_index(int(np.argmax(apart)), apart.shape))
+    if i == j:
+        return None
+    uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i])), -_UNEVEN, _UNEVEN))
+    return i, j, (2 ** max(uneven, 0), 2 ** max(-uneven, 0))
+
+
+def monic(a: Reals, stable: bool) -> Reals | None:
+    """Divide a denominator by its first coefficient, poles drawn into the unit disc if asked.
+
+    Parameters
+    ----------
+    a : (n + 1,) float
+    stable : bool
+
+    Returns
+    -------
+    (n + 1,) float or None
+        None where the first coefficient is as good as zero.
+    """
+    if not abs(a[0]) > 1e-6 * np.abs(a).max():
+        return None
+    found = np.asarray(a / a[0], np.float64)
+    if stable:
+        largest = float(np.abs(np.roots(found)).max(initial=0.0))
+        found = found * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(found.size)
+    return found
