@@ -25,7 +25,11 @@ from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
+from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.existence import proved_point
+from setid.proofs.parameter_box import start_of
+from setid.proofs.simulated.forms import Region
+from setid.proofs.simulated.outputs import recursion_of
 from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
 Reals = NDArray[np.float64]
+_MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -316,10 +321,31 @@ def _spread(values: Reals, rows: NDArray[np.int64], samples: int) -> Reals:
     return frozen(full)
 
 
+def _simulated_range(result: FeasibleSet, name: str) -> tuple[Reals, Reals] | None:
+    """Ends (N,) of a signal over the outer box, by simulation; None for what is no recursion."""
+    formulation, box = result.formulation, result.outer_box
+    parts = recursion_of(formulation)
+    if parts is None:
+        cells = cell_box(formulation, start_of(formulation))
+        parts = None if cells is None else recursion_of(formulation, cells)
+    if parts is None or not np.all(np.isfinite(box)):
+        return None
+    lower, upper = parts.box(*box)
+    region = Region(lower, upper, np.zeros((0, lower.size)), np.zeros(0), np.zeros(0))
+    form = parts.run(region)[name]
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = (region.reach(form.slope) + form.rest) * _MORE + 1e-15 * np.abs(form.value)
+        low, high = form.value - off, form.value + off
+    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
+
+
 def _unknown_band(result: FeasibleSet, name: str, numbers: NDArray[np.int64]) -> SignalBand:
     rows, samples = np.flatnonzero(numbers >= 0), numbers.size
     chosen = numbers[rows]
     low, high = result.problem.lower[chosen], result.problem.upper[chosen]
+    over = _simulated_range(result, name)
+    if over is not None:
+        low, high = np.maximum(low, over[0][rows]), np.minimum(high, over[1][rows])
     seen = result.witnesses
     values = np.array([w[chosen] for w in seen]) if seen else np.full((1, rows.size), np.nan)
     ends = (low, high, values.min(axis=0), values.max(axis=0))

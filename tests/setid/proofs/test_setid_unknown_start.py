@@ -311,6 +311,17 @@ def test_a_cascade_closes_whatever_its_past(found: setid.Identification) -> None
         assert np.ptp(item.outer) <= 1.06 * np.ptp(item.inner)
 
 
+def test_bands_of_internal_signals_hold_them(found: setid.Identification) -> None:
+    _, z = simulated(0.7, 40)
+    for name, values in (("z", z), ("w", z + 0.3 * z**2)):
+        band = setid.signal_band(found, name)
+        known = ~np.isnan(band.low)  # the last sample of w is read by no output
+        assert np.sum(known) >= 39
+        low, high = band.low[known], band.high[known]
+        assert np.all((low <= values[known]) & (values[known] <= high))
+        assert np.max(high[8:] - low[8:]) < 0.5
+
+
 def test_first_samples_are_unknowns_of_the_regions(found: setid.Identification) -> None:
     box, formulation = found.evidence.box, found.formulation
     parts = recursion_of(formulation, box.first)
