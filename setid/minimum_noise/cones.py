@@ -31,7 +31,7 @@ def handed_on(shares: Reals) -> NDArray[np.int64]:
 
 
 def changing_edge(
-    filtered: Reals, sizes: Reals, bound: Reals
+    filtered: Reals, sizes: Reals, bound: Reals, weights: Reals | float = 1.0
 ) -> tuple[int, int, tuple[int, int]] | None:
     """Choose the edge along which a filtered multiplier changes most; None where none changes.
 
@@ -43,6 +43,8 @@ def changing_edge(
         Of these, in noise.
     bound : (S,) float
         Noise bounds.
+    weights : (K, K) float, optional
+        Of the edges; by default they count alike.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def changing_edge(
         Powers of two with which they make the new one.
     """
     scaled = filtered / sizes[:, None]
-    apart = np.abs(scaled[:, None] - scaled[None]) @ bound
+    apart = weights * (np.abs(scaled[:, None] - scaled[None]) @ bound)
     i, j = (int(k) for k in np.unravel_index(int(np.argmax(apart)), apart.shape))
     if i == j:
         return None

@@ -34,7 +34,7 @@ __all__ = ["FoundDenominators", "least_output_noise"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_FIRST = (1.0, 0.7, 0.6, 0.15)  # of the time, by the order: for multipliers that do not vary
+_FIRST = (1.0, 0.7, 0.6, 0.03)  # of the time, by the order: for multipliers that do not vary
 _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is parted

@@ -1,0 +1,157 @@
+"""The linear program of a cone of denominators, against HiGHS and against naive sums."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import setid
+from setid.minimum_noise.cone_programs import ConePrograms
+from setid.minimum_noise.programs import Programs, longest_stretch
+from setid.minimum_noise.varying import follow_denominators
+from setid.proofs.least_noise.denominator_cells import (
+    Cone,
+    OutputRows,
+    first_cones,
+    output_rows,
+    parted_cone,
+)
+from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
+from sparsepop_py.budget import Deadline
+
+POLES = {1: [0.6], 2: [0.7 + 0.2j, 0.7 - 0.2j], 3: [0.9, 0.5 + 0.4j, 0.5 - 0.4j]}
+
+
+def rows_of(order: int, samples: int = 30, size: float = 1.0) -> OutputRows:
+    """A record with noise of .2 and noise bounds of ``size`` (1 + k / N) / 2 or so."""
+    random = np.random.default_rng(order)
+    a = np.real(np.poly(POLES[order]))
+    u, x = random.uniform(-1.0, 1.0, samples), np.zeros(samples)
+    for k in range(1, samples):
+        past = range(1, min(k, order) + 1)
+        x[k] = 2.0 * u[k - 1] - sum(a[i] * x[k - i] for i in past)
+    data = setid.IOData(u, x + random.uniform(-0.2, 0.2, samples))
+    model = setid.TransferFunction(order, 2, 1)
+    found = output_rows(setid.formulate(data, model, setid.Noise(output=1.0), setid.Stable()), 0)
+    assert found is not None
+    return found._replace(bound=size * np.linspace(0.5, 1.5, samples))
+
+
+def parts_of(cone: Cone, depth: int) -> list[Cone]:
+    """Cones of several sizes: a path of parts through the first edges in turn."""
+    found, edges = [cone], [pair for pair in pairs(len(cone)) if pair[0] < pair[1]]
+    for step in range(depth):
+        parts = parted_cone(found[-1], edges[step % len(edges)], (1, 1))
+        assert parts is not None
+        found.append(parts[step % 2])
+    return found
+
+
+def naive(rows: OutputRows, programs: Programs, cone: Cone, target: float) -> float:
+    """The largest t of the program's docstring, all arrays dense."""
+    n, y, w = rows.order, programs.y, programs.bound
+    size, count, free = n + 1, y.size, y.size - n
+    every = pairs(size)
+    filters = np.zeros((size, count, free))  # of v_j: (v_j * lambda)(i) = sum_l v_j[l] lambda(i+l)
+    for j, i, lag in product(range(size), range(count), range(size)):
+        if 0 <= i + lag - n < free:
+            filters[j, i, i + lag - n] += float(cone[j][lag])
+    minors = hurwitz_minors(cone, (0,) * size) if n > 2 else np.zeros((0, len(every)))
+    width = size * free + len(every) * count
+    unknowns = width + 1 + len(minors)
+    rows_, right = [], []
+    for p, (j, k) in enumerate(every):
+        joined = np.zeros((count, unknowns))
+        joined[:, k * free : (k + 1) * free] += filters[j]
+        joined[:, j * free : (j + 1) * free] += filters[k]
+        own = slice(size * free + p * count, size * free + (p + 1) * count)
+        line = -(y @ joined)
+        for sign in (1.0, -1.0):
+            side = sign * joined
+            side[:, own] -= np.eye(count)
+            rows_.append(side)
+            right.append(np.zeros(count))
+        line[own] += target * w
+        line[width], line[width + 1 :] = 1.0, minors[:, p]
+        rows_.append(line[None])
+        right.append(np.zeros(1))
+    normal = np.zeros((1, unknowns))
+    normal[0, size * free : width] = np.tile(w, len(every))
+    columns = np.kron(np.eye(size), programs.known.T)
+    found = linprog(
+        -np.eye(unknowns)[width],
+        A_ub=np.vstack([*rows_, normal]),
+        b_ub=np.concatenate([*right, [1.0]]),
+        A_eq=np.hstack([columns, np.zeros((len(columns), unknowns - columns.shape[1]))]),
+        b_eq=np.zeros(len(columns)),
+        bounds=[(None, None)] * (width + 1) + [(0.0, None)] * len(minors),
+        method="highs",
+    )
+    assert found.status == 0
+    return float(-found.fun)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_targets_are_refuted_where_the_program_has_a_positive_value(order: int) -> None:
+    rows = rows_of(order)
+    programs = Programs(rows, longest_stretch(rows.row))
+    solver, seen = ConePrograms(programs, True), set()
+    for cone in parts_of(first_cones(order, True)[0], 8)[::2]:
+        powers = (0,) * (order + 1)
+        for target in (0.03, 0.1, 0.3):
+            value, bound = naive(rows, programs, cone, target), solver.solve(cone, powers, target)
+            # multipliers of 0 have the value 0; the search calls small values open
+            if value > 2e-3 * target or value < 1e-8:
+                assert (bound.factor >= target) == (value > 1e-8)
+                seen.add(value > 1e-8)
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_factor_is_what_the_multipliers_refute(order: int) -> None:
+    """Pairs of vectors, with products of polynomials by numpy.convolve."""
+    rows = rows_of(order)
+    programs = Programs(rows, longest_stretch(rows.row))
+    cone = parts_of(first_cones(order, True)[0], 5)[-1]
+    powers = tuple(range(order + 1))
+    found = ConePrograms(programs, True).solve(cone, powers, 0.1)
+    vectors = np.array([[float(x) / 2**p for x in v] for v, p in zip(cone, powers, strict=True)])
+    minors = hurwitz_minors(cone, powers) if order > 2 else np.zeros((0, len(pairs(order + 1))))
+    ratios = []
+    for place, (j, k) in enumerate(pairs(order + 1)):
+        filtered = np.convolve(vectors[j][::-1], found.multipliers[k])
+        filtered = filtered + np.convolve(vectors[k][::-1], found.multipliers[j])
+        gain = filtered @ programs.y - found.minors @ minors[:, place]
+        ratios.append(gain / (np.abs(filtered) @ programs.bound))
+    assert found.factor == pytest.approx(min(ratios), rel=1e-6) and found.factor > 0.0
+    np.testing.assert_allclose(found.multipliers @ programs.known, 0.0, atol=1e-9)
+    assert np.all(found.minors >= 0.0)
+    assert np.all(found.weights >= 0.0) and found.weights.sum() == pytest.approx(1.0)
+
+
+def test_units_of_readings_and_noise_do_not_matter() -> None:
+    rows = rows_of(2)
+    cone = parts_of(first_cones(2, True)[0], 4)[-1]
+    factors = []
+    for unit in (1.0, 1e-6, 1e6):
+        scaled = rows._replace(y=unit * rows.y, bound=unit * rows.bound)
+        programs = Programs(scaled, longest_stretch(rows.row))
+        factors.append(ConePrograms(programs, True).solve(cone, (0, 0, 0), 0.1).factor)
+    np.testing.assert_allclose(factors[1:], factors[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_search_closes_from_random_denominators(order: int) -> None:
+    """No denominator to begin from: the least noise is at most that of the planted one."""
+    rows = rows_of(order)
+    programs = Programs(rows, longest_stretch(rows.row))
+    found = follow_denominators(rows, programs, 0, 0.1, Deadline(60.0))
+    assert found.cells is not None and found.cells.leaves > 0
+    least = programs.solve(np.append(1.0, found.best[0]), None)
+    planted = programs.solve(np.real(np.poly(POLES[order])), None)
+    assert least is not None and planted is not None and least[0] <= planted[0] * (1 + 1e-9)
+    assert 0.899 * least[0] <= found.factor <= least[0]
+    assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
