@@ -41,7 +41,7 @@ _TINY = 1e-300
 
 
 class ConeBound(NamedTuple):
-    """What multipliers refute in a cone.
+    """Multipliers of a cone, and the factor that they prove.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ __all__ = ["FoundDenominators", "least_output_noise"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_FIRST = (1.0, 0.7, 0.6, 0.03)  # of the time, by the order: for multipliers that do not vary
+_FIRST = 0.03  # of the time: for multipliers that do not vary
 _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is parted
@@ -76,10 +76,8 @@ def least_output_noise(
     if programs.free is None:
         return FoundDenominators(0.0, None, ())
     left = deadline.left
-    share = _FIRST[min(rows.order, len(_FIRST) - 1)]
-    first = _Search(
-        rows, programs, output, tol, Deadline(share * (_ALONE if left is None else left))
-    )
+    alone = Deadline(_FIRST * (_ALONE if left is None else left))
+    first = _Search(rows, programs, output, tol, alone)
     found = first.run()
     if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best:
         return found
