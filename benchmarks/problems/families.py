@@ -13,7 +13,16 @@ import sparsepop_py as sp
 
 from ..errors import BenchmarkError
 from ..measuring.registry import Case, Family, Registry, Selection, Task
-from . import block_structured, identification, intervals, networks, random_problems
+from . import (
+    block_structured,
+    identification,
+    intervals,
+    networks,
+    power_flow,
+    quadratic,
+    random_problems,
+    sensors,
+)
 
 __all__ = ["REGISTRY"]
 
@@ -105,6 +114,30 @@ def _quartic(n: int, seed: int) -> Task:
     return Task.of(sp.problems.random_quartic(n, seed=seed), 1.0)
 
 
+def _box_programs(selection: Selection) -> Iterator[Case]:
+    """Quadratic programs over the unit box; dense ones up to 30 variables."""
+    for n, seed in itertools.product(selection.sizes or (20, 30, 40, 50), selection.seeds):
+        for density in (0.3, 1.0) if n <= 30 else (0.3,):
+            make = partial(quadratic.box_program, n, density, seed)
+            yield Case(f"box program, density {density:g}", make, n, seed)
+
+
+def _maximum_cuts(selection: Selection) -> Iterator[Case]:
+    """Maximum cuts of random graphs with three edges at each node, an even number of nodes."""
+    for n, seed in itertools.product(selection.sizes or (20, 40, 60), selection.seeds):
+        yield Case("maximum cut", partial(quadratic.maximum_cut, n, 3, seed), n, seed)
+
+
+def _sensors(selection: Selection) -> Iterator[Case]:
+    for n, seed in itertools.product(selection.sizes or (5, 10, 20), selection.seeds):
+        yield Case("sensor network", partial(sensors.localisation, n, 0.4, seed), n, seed)
+
+
+def _power_flow(selection: Selection) -> Iterator[Case]:
+    for ratings, name in ((False, "14 buses"), (True, "14 buses, lines with ratings")):
+        yield Case(name, partial(power_flow.power_flow, ratings), 14)
+
+
 def _broyden(selection: Selection) -> Iterator[Case]:
     for n in selection.sizes or (100, 200, 500, 1000):
         yield Case(f"broyden tridiagonal n={n}", partial(_broyden_task, n), n)
@@ -174,6 +207,25 @@ REGISTRY = Registry(
         Family("files", "your own --files: .gms, or .csv tables of texts", _files, options=_AUTO),
         Family("pooling", "pooling and bilevel problems", _pooling, options=_AUTO),
         Family("quartics", "dense quartics on the box (sizes: variables)", _quartics),
+        Family(
+            "box_programs",
+            "quadratic programs over the unit box (sizes: variables)",
+            _box_programs,
+            options=_AUTO,
+        ),
+        Family(
+            "maximum_cuts",
+            "maximum cuts of cubic graphs (sizes: nodes)",
+            _maximum_cuts,
+            options=_AUTO,
+        ),
+        Family(
+            "sensors",
+            "sensor networks, distances to neighbours (sizes: sensors)",
+            _sensors,
+            options=_AUTO,
+        ),
+        Family("power_flow", "optimal power flow with 14 buses", _power_flow, options=_AUTO),
         Family("broyden", "Broyden tridiagonal, gap 1e-6 (sizes: variables)", _broyden),
         Family(
             "growth", "build and assemble chains, no solver (sizes: variables)", _growth, "build"

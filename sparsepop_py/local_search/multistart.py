@@ -163,8 +163,11 @@ def _tries(
         if small and feasible(x):
             return  # others would stall on what is decided here
     if not first and (small or (failed and not (bilinear and large))):
-        yield local_search(problem, start, method, end)
-    if small and bilinear and method is None:
+        x = local_search(problem, start, method, end)
+        failed = failed and not feasible(x)
+        yield x
+    curved = corners and bool(problem.constraints) and not rows.factored and not bilinear
+    if method is None and ((small and bilinear) or (failed and curved)):
         free = problem.sharpened  # nothing held
         yield sequential_search(free, start, end=end, creeping=creeping)
 

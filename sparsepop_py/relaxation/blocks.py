@@ -168,7 +168,8 @@ def _localizing(
 ) -> Blocks:
     """Build localizing blocks and equality rows in the homes of their generators.
 
-    The bounds of a variable enter every clique that holds it, unless lean.
+    The bounds of a variable enter every clique that holds it, unless lean. Generators of a degree
+    that the order does not reach are left out.
     """
     degree = np.zeros(system.size, int)
     np.maximum.at(degree, system.row, monomials.degrees(system.words))
@@ -189,7 +190,7 @@ def _localizing(
     reach[single:] = 0
     reach[home < 0] = 0
     home = np.maximum(home, 0)
-    number = np.flatnonzero(degree > 0)
+    number = np.flatnonzero((degree > 0) & (degree <= 2 * order))
     place = home[number]
     if not lean and order > 1:
         extra, where = _elsewhere(cliques, members, degree[box] > 0)
@@ -209,13 +210,14 @@ def matrix_blocks(
 ) -> Blocks:
     """Build the localizing matrices of matrix constraints.
 
-    A matrix of degree k takes all monomials up to degree d - ceil(k / 2).
+    A matrix of degree k takes all monomials up to degree d - ceil(k / 2), if there are any.
     """
     matrices, blocks = system.matrices, []
     degree = np.zeros(matrices.side.size, int)
     entries = matrices.system
     np.maximum.at(degree, matrices.owner[entries.row], monomials.degrees(entries.words))
-    for k in matrices.constraints[degree[matrices.constraints] > 0]:
+    reached = (degree > 0) & (degree <= 2 * order)
+    for k in matrices.constraints[reached[matrices.constraints]]:
         home = int(cliques.home[k])
         reach = order - (int(degree[k]) + 1) // 2 if home >= 0 else 0
         [(_, basis)] = clique_bases(members, np.array([max(home, 0)]), reach)

@@ -22,7 +22,13 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.moment import Relaxation, least_order, relax, shape_sizes
+from sparsepop_py.relaxation.moment import (
+    Relaxation,
+    least_order,
+    objective_order,
+    relax,
+    shape_sizes,
+)
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
@@ -142,6 +148,8 @@ class RelaxationSpec:
         As in :func:`sparsepop_py.relax`.
     joined : {"constraints", "monomials", "partners"}
         As in :func:`sparsepop_py.find_cliques`.
+    partial : bool
+        Whether constraints of a degree beyond the order are left out.
     plain : RelaxationSpec or None
         The relaxation itself, if this one stands for it on a box that linear programs with the
         cutoff have tightened.
@@ -157,6 +165,7 @@ class RelaxationSpec:
     products: bool = False
     terms: Terms = "none"
     joined: Joined = "constraints"
+    partial: bool = False
     plain: RelaxationSpec | None = None
     memory: float = np.inf
 
@@ -168,9 +177,9 @@ class RelaxationSpec:
 
     @property
     def whole(self) -> bool:
-        """True for a full order on the usual cliques, without chordal terms and not lean."""
+        """True for a full order on the usual cliques: no chordal terms, nothing left out."""
         usual = self.joined == "constraints" and self.terms != "chordal"
-        return self.shape == "full" and usual and not self.lean
+        return self.shape == "full" and usual and not self.lean and not self.partial
 
     def build(self, scaled: Scaled, cliques: Families) -> Relaxation:
         """Build the relaxation of a scaled problem for all its objectives."""
@@ -183,6 +192,7 @@ class RelaxationSpec:
             products=self.products,
             shape=self.shape,
             terms=self.terms,
+            partial=self.partial,
         )
 
     def seconds(self, scaled: Scaled, cliques: Families) -> float:
@@ -295,6 +305,7 @@ def relaxation_specs(
     specs = []
     if first is None or first == 1:
         specs = [r for source in SPECS for r in SPECS[source](problem, cliques, objectives)]
+        specs += _partial_orders(problem, objectives)
     specs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
     if "components" in skip:
         specs = [replace(r, terms="none") if r.terms == "components" else r for r in specs]
@@ -341,6 +352,26 @@ class SpecSource(Protocol):
 SPECS: Registry[SpecSource] = Registry(
     "relaxations", {"below order 2": _below_orders}, ProblemError
 )
+
+
+def _partial_orders(problem: Problem, objectives: tuple[Polynomial, ...]) -> list[RelaxationSpec]:
+    """List the orders that carry the objectives and not all constraints.
+
+    Constraints of high degree often do not bind, and the orders that they ask for are large.
+    """
+    orders = range(objective_order(problem, objectives), least_order(problem, objectives))
+    return [
+        RelaxationSpec(
+            f"order {order}, constraints of degree {2 * order} at most",
+            0.3 + 0.01 * order,
+            "full",
+            order,
+            products=True,
+            terms="components" if order > 1 else "none",
+            partial=True,
+        )
+        for order in orders
+    ]
 
 
 def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[RelaxationSpec]:
@@ -435,7 +466,7 @@ def _full_sizes(spec: RelaxationSpec, problem: Problem, cliques: Cliques) -> dic
         if not spec.lean:
             add(clique, order - 1, clique)
     for number, constraint in enumerate(problem.constraints):
-        if not problem.equality[number]:
+        if not problem.equality[number] and (not spec.partial or constraint.degree <= 2 * order):
             half, side = (constraint.degree + 1) // 2, max(constraint.side, 1)
             home = int(members[max(int(cliques.home[number]), 0)])
             add(home, max(order - half, 0), side=side)

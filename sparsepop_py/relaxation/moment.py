@@ -56,6 +56,7 @@ __all__ = [
     "Relaxation",
     "conic_rows",
     "least_order",
+    "objective_order",
     "on_groups",
     "relax",
     "shape_sizes",
@@ -226,6 +227,7 @@ def relax(
     products: bool = False,
     shape: str = "full",
     terms: Terms = "none",
+    partial: bool = False,
 ) -> Relaxation:
     """Build the moment relaxation of a problem.
 
@@ -259,6 +261,9 @@ def relax(
         chordal cliques are smaller and may lower it; see
         :mod:`sparsepop_py.relaxation.term_sparsity`. Only objectives whose monomials were named
         fit such a relaxation.
+    partial : bool
+        Leave constraints out whose degree is above 2d, in place of raising the order for them.
+        A bound without some constraints is a bound.
 
     Returns
     -------
@@ -286,7 +291,7 @@ def relax(
       moments M = 24, conic rows R = 66 (0 equalities), 90 nonzeros
     """
     cliques = cliques or find_cliques(problem, objectives=objectives)
-    least = least_order(problem, objectives)
+    least = objective_order(problem, objectives) if partial else least_order(problem, objectives)
     notes: tuple[str, ...] = ()
     if order is not None and order < least:
         notes = (f"order {order} raised to {least}, the least for these degrees",)
@@ -373,6 +378,11 @@ def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxat
 def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     """Return the least legal relaxation order: half the largest degree, rounded up."""
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
+
+
+def objective_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
+    """Return the least order that carries the objectives, whatever the constraints."""
+    return (max([1, problem.objective.degree, *(f.degree for f in objectives)]) + 1) // 2
 
 
 def conic_rows(

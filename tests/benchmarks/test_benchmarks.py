@@ -51,7 +51,7 @@ def test_the_registry_lists_all_families(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
     wanted = "oe eiv block_structured identify identify-stable zoo certificates examples files "
-    wanted += "pooling quartics broyden growth random"
+    wanted += "pooling quartics box_programs maximum_cuts sensors power_flow broyden growth random"
     assert [f.name for f in REGISTRY] == wanted.split()
     for name in wanted.split():
         assert f"| {name} |" in shown

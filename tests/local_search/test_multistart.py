@@ -50,3 +50,14 @@ def test_a_search_that_finds_the_incumbent_again_is_the_last_of_its_start(
     assert len(ends) == 7
     best_attained(problem, [start], Aim(1e-6, brief=True))  # nothing was found before
     assert len(ends) == 10
+
+
+def test_linear_programs_follow_where_others_fail_on_curved_rows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """|x| + |y| is at most 2 where x^4 + y^4 = 2, by the power mean inequality."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x**4 + y**4 == 2], -2.0, 2.0)
+    monkeypatch.setattr(multistart, "local_search", lambda problem, start, *_: start)
+    point, _ = best_attained(problem, [np.array([-0.3, -0.7])], Aim(1e-6))
+    assert point is not None and point.value == pytest.approx(-2.0, abs=1e-4)

@@ -223,6 +223,22 @@ def test_the_order_is_raised_with_a_note(degree, least):
             assert "note: order" in str(raised)
 
 
+def test_a_partial_order_leaves_out_what_it_does_not_reach():
+    """x + y is at least -sqrt 2 on the disc, whatever the constraints of degree four say."""
+    x, y, z = sp.variables(3)
+    disc, matrix = x**2 + y**2 <= 1, sp.psd([[2 + x**4, y], [y, 2]])
+    rows = [disc, x**4 + y**4 <= 0.1, matrix, x**3 * y == z]
+    problem = Problem(x + y, rows, -1, 1)
+    assert relax(problem, 1).order == 2
+    partial = relax(problem, 1, partial=True)
+    assert partial.order == 1 and partial.notes == ()
+    used = {int(g) for group in partial.groups for g in group.generator}
+    assert {0, 1} <= used and not {2, 3, 4} & used
+    assert {2, 3, 4} <= {int(g) for group in relax(problem, 2).groups for g in group.generator}
+    solution = solve_conic(assemble(partial, problem.objective))
+    assert float(np.sum(solution.y[:2])) == pytest.approx(-np.sqrt(2.0), abs=1e-5)
+
+
 def test_further_objectives_raise_the_order_and_find_their_moments():
     x, y = sp.variables(2)
     problem = Problem(x + y, lower=-1, upper=1)

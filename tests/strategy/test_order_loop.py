@@ -323,6 +323,27 @@ def test_what_terms_leave_as_it_is_is_solved_once(monkeypatch):
     assert len(sizes) == len(set(sizes)) > 0
 
 
+@pytest.mark.parametrize("limit", [100.0, 0.1])
+def test_orders_without_constraints_of_high_degree_prove_bounds(monkeypatch, limit):
+    """Least x + y on the disc is -sqrt 2; with x^4 + y^4 <= 1/10 it is larger."""
+    chosen = []
+
+    def partial(*args):
+        chosen[:] = [r for r in ALL_SPECS(*args) if r.partial]
+        return tuple(chosen)
+
+    monkeypatch.setattr("sparsepop_py.strategy.shared_state.relaxation_specs", partial)
+    x, y = sp.variables(2)
+    problem = Problem(x + y, [x**2 + y**2 <= 1, x**4 + y**4 <= limit], -1, 1)
+    result = check(problem, sp.solve(problem, Options(effort="auto", gap=1e-6, node_limit=0)))
+    assert [r.name for r in chosen] == ["order 1, constraints of degree 2 at most"]
+    assert not any(r.whole for r in chosen)
+    least = -np.sqrt(2.0) if limit > 1 else -2.0 * (limit / 2.0) ** 0.25
+    assert result.upper_bound == pytest.approx(least, abs=1e-5)
+    low = least - 1e-5 if limit > 1 else -np.sqrt(2.0)
+    assert low <= result.lower_bound <= least + 1e-9
+
+
 @pytest.mark.parametrize("value", [None, 1e9, np.nan])
 def test_repaired_vectors_are_only_starting_points(value):
     problem, seen = star(), []
