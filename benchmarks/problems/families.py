@@ -166,13 +166,25 @@ REGISTRY = Registry(
         Family(
             "oe",
             "output-error records: ten parameter bounds to 1e-3 of the width (sizes: samples)",
-            partial(identification.cases, "oe"),
+            partial(identification.cases, "oe", -1.0),
             options=_WIDTH,
         ),
         Family(
             "eiv",
             "errors-in-variables records, likewise",
-            partial(identification.cases, "eiv"),
+            partial(identification.cases, "eiv", -1.0),
+            options=_WIDTH,
+        ),
+        Family(
+            "oe_positive",
+            "output-error records with inputs in [0, 1]",
+            partial(identification.cases, "oe", 0.0),
+            options=_WIDTH,
+        ),
+        Family(
+            "eiv_positive",
+            "errors-in-variables records with inputs in [0, 1]",
+            partial(identification.cases, "eiv", 0.0),
             options=_WIDTH,
         ),
         Family(

@@ -62,7 +62,9 @@ class Record:
         return np.column_stack([y[1:-1], y[:-2], -u[2:], -u[1:-1], -u[:-2]])
 
 
-def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> Record:
+def record(
+    kind: str, samples: int, noise: float = 1.0, seed: int = 0, lowest: float = -1.0
+) -> Record:
     """Simulate a record.
 
     Parameters
@@ -73,6 +75,8 @@ def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> Record
     noise : float
         Factor on the noise bounds De = 1 and Dx = 0.01.
     seed : int
+    lowest : float
+        Inputs are drawn from [lowest, 1].
 
     Examples
     --------
@@ -87,7 +91,7 @@ def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> Record
         raise BenchmarkError(f"noise: found {noise}, expected a factor > 0")
     draw = partial(_signed_samples, np.random.RandomState(5489 + seed), samples)
     output, below = noise * _OUTPUT_NOISE, noise * _INPUT_NOISE * (kind == "eiv")
-    u = draw()
+    u = lowest + (1.0 - lowest) * (0.5 * draw() + 0.5)
     y = _response(u)
     return Record(u + below * draw(), y + output * draw(), output, below)
 
@@ -156,9 +160,11 @@ def _least(cost: NDArray, A: NDArray, b: NDArray, bounds: list) -> float:
     return float(found.fun) if found.status == 0 else -np.inf
 
 
-def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> Task:
+def task(
+    kind: str, samples: int, noise: float = 1.0, seed: int = 0, lowest: float = -1.0
+) -> Task:
     """All ten bounds of one record: the least and the largest value of each parameter."""
-    data = record(kind, samples, noise, seed)
+    data = record(kind, samples, noise, seed, lowest)
     low, high = start_box(data)
     eta_names = [f"eta{k}" for k in range(1, samples + 1)]
     xi_names = [f"xi{k}" for k in range(1, samples + 1)] if data.input_noise else []
@@ -182,11 +188,11 @@ def _row(data: Record, k: int, theta: tuple, eta: tuple, xi: tuple) -> sp.Constr
     return sp.total([outputs[0], *past, *driven]) == 0
 
 
-def cases(kind: str, selection: Selection) -> Iterator[Case]:
-    """Records of all sizes, noise factors and seeds that are wanted."""
+def cases(kind: str, lowest: float, selection: Selection) -> Iterator[Case]:
+    """Records of all sizes, noise factors and seeds that are wanted, inputs in [lowest, 1]."""
     wanted = itertools.product(
         selection.noises or NOISES, selection.sizes or SIZES, selection.seeds
     )
     for noise, samples, seed in wanted:
-        make = partial(task, kind, samples, noise, seed)
+        make = partial(task, kind, samples, noise, seed, lowest)
         yield Case(f"{kind} N={samples} noise x{noise:g}", make, samples, seed)

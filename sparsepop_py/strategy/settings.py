@@ -93,6 +93,9 @@ class StrategySettings:
     long_star : float
         Expected seconds of a star relaxation from which working sets are worth their local
         searches.
+    whole_star : float
+        Seconds of a working set, in those of the star on all constraints, after which that star
+        comes first.
     """
 
     nodes_per_effort: float = 4.0
@@ -132,7 +135,8 @@ class StrategySettings:
     missing: float = 0.1
     working_rounds: int = 8
     working_slice: float = 1.5
-    long_star: float = 1.5
+    long_star: float = 2.5
+    whole_star: float = 3.0
 
 
 STRATEGY = StrategySettings()

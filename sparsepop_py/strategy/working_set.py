@@ -75,11 +75,14 @@ class WorkingSetSearch:
         Seconds and progress of relaxations on working sets: they are far smaller than the whole.
     done : bool
         Whether the whole search has to go on.
+    spent : float
+        Seconds of all steps so far.
     """
 
     whole: AdaptiveSearch
     costs: CostModel
     done: bool = False
+    spent: float = 0.0
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
@@ -93,6 +96,9 @@ class WorkingSetSearch:
         bool
             False where no step was taken, as the whole search has to go on.
         """
+        if self._whole_first():
+            return False
+        start = self.whole.context.deadline.now()
         if self.done or not self._ready():
             self.done = True
             return False
@@ -101,7 +107,14 @@ class WorkingSetSearch:
         self._take()
         if not self.whole.over:
             self._grow()
+        self.spent += self.whole.context.deadline.now() - start
         return True
+
+    def _whole_first(self) -> bool:
+        """Check whether the star on all constraints is left to try and costs far less by now."""
+        queue = self.whole.queue
+        stars = (queue.seconds(spec) for spec in queue.specs if spec.shape == "star")
+        return self.spent > STRATEGY.whole_star * next(stars, np.inf)
 
     # ---- the set ------------------------------------------------------------------------------
 

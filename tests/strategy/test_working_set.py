@@ -11,6 +11,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.local_search import slp
 from sparsepop_py.strategy import settings, working_set
+from sparsepop_py.strategy.working_set import WorkingSetSearch
 
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60.0)
 SAMPLES, NOISE, TRUTH = 81, 0.05, (0.6, 1.0)
@@ -145,3 +146,18 @@ def test_an_infeasible_record_is_proved_empty():
     y[40] += 1.0  # no noise of .05 explains it
     results = both_ends(problem_of(u, y))
     assert all(result.status is Status.INFEASIBLE for result in results)
+
+
+def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch):
+    monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
+    monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)  # the set stays too small
+    names = {}
+    for share in (0.0, np.inf):
+        chosen = settings.StrategySettings(long_star=0.0, whole_star=share)
+        monkeypatch.setattr(working_set, "STRATEGY", chosen)
+        results = both_ends(problem_of(*record()))
+        assert all(result.status is Status.OPTIMAL for result in results)
+        names[share] = [[entry.name for entry in result.history] for result in results]
+    longer = [each for each in names[0.0] if len(each) > 1]
+    assert longer and not any(each[1].endswith("constraints") for each in longer)
+    assert any(len(each) > 1 and each[1].endswith("constraints") for each in names[np.inf])
