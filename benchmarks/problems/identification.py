@@ -160,9 +160,7 @@ def _least(cost: NDArray, A: NDArray, b: NDArray, bounds: list) -> float:
     return float(found.fun) if found.status == 0 else -np.inf
 
 
-def task(
-    kind: str, samples: int, noise: float = 1.0, seed: int = 0, lowest: float = -1.0
-) -> Task:
+def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0, lowest: float = -1.0) -> Task:
     """All ten bounds of one record: the least and the largest value of each parameter."""
     data = record(kind, samples, noise, seed, lowest)
     low, high = start_box(data)

@@ -81,6 +81,8 @@ class AdaptiveSearch:
         First moments of the last relaxation from which an incumbent was searched.
     longest_slice : float
         Seconds that a tree grows at most before relaxations are considered again.
+    at_nodes : RelaxationSpec or None
+        The relaxation of each node, once a tree of linear programs has proved too little.
     """
 
     context: SolveContext
@@ -102,6 +104,7 @@ class AdaptiveSearch:
     least_cutoff: float = np.inf
     point: NDArray[np.float64] | None = None
     longest_slice: float = STRATEGY.slice_seconds
+    at_nodes: RelaxationSpec | None = None
 
     def __post_init__(self) -> None:
         replay = self.context.at_cutoff()
@@ -260,6 +263,7 @@ class AdaptiveSearch:
             self.queue.state(spec)
             if relaxation is None:
                 return
+            self._leave_weak_tree()
         cost = self.context.deadline.now() - start
         share = 1.0 if self.over else progress(before, self._gap, self.context.allowed)
         self.shared_state.cost_model.learn(name, share, cost)
@@ -461,12 +465,27 @@ class AdaptiveSearch:
         if search.done or search.bound > self.bound:
             self._close_search()
 
+    def _leave_weak_tree(self) -> None:
+        """Leave a tree where a relaxation of the root has proved far more than all its nodes.
+
+        Each open node would need that relaxation once; another tree has it from its root on.
+        """
+        search = self.search
+        if search is None or search.done or not self.tried:
+            return
+        if self._gap < STRATEGY.weak_tree * (self.context.upper - search.bound):
+            self.seen, self.search, self.at_nodes = search.seen, None, self._strongest
+
+    @property
+    def _strongest(self) -> RelaxationSpec:
+        """The relaxation of the root that proved most."""
+        return max(self.tried, key=lambda entry: entry[1])[0]
+
     def _reconsider(self, search: Search) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
         slow = search.seen > STRATEGY.patience_nodes and search.settings.spec is None and self.tried
         if slow and not search.done and not self.over:
-            best = max(self.tried, key=lambda entry: entry[1])[0]
-            search.settings = replace(search.settings, spec=best)
+            search.settings = replace(search.settings, spec=self._strongest)
 
     def _plan(self) -> NodeSettings:
         """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
@@ -477,7 +496,8 @@ class AdaptiveSearch:
         )
         seen = self.shared_state.cost_model.seconds
         program = seen.get(TIGHTENING if obbt_lp else PROGRAM, seen.get(PROGRAM, np.inf))
-        best = relaxation_for_nodes(self.tried, (base, self.context.upper), program)
+        gap = base, self.context.upper
+        best = self.at_nodes or relaxation_for_nodes(self.tried, gap, program)
         where = self.shared_state.cliques, self.shared_state.variables
         return NodeSettings(*where, best, obbt_lp, self.shared_state.obbt_sdp, self._slack)
 

@@ -79,6 +79,9 @@ class StrategySettings:
         Constraints beyond which linear programs take longer than star relaxations do.
     telling : float
         Seconds, measured or expected, from which a relaxation tells how fast solvers are.
+    weak_tree : float
+        Share of the gap of a tree: where a relaxation of the root leaves less, another tree is
+        grown.
     working_set : int
         Constraints from which an objective is bounded on a working set of them.
     most_working : float
@@ -129,6 +132,7 @@ class StrategySettings:
     few_variables: int = 12
     long_problem: int = 300
     telling: float = 0.05
+    weak_tree: float = 0.1
     working_set: int = 60
     most_working: float = 0.4
     binding: float = 1e-3

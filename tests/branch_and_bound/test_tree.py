@@ -21,7 +21,9 @@ from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec, relaxation_specs
+from sparsepop_py.strategy import adaptive
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import StrategySettings
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
@@ -252,6 +254,32 @@ def test_nodes_of_a_dropped_tree_stay_counted(only_branch):
     auto.queue.specs = list(shared_state.specs)
     auto.run(1)
     assert [entry.name for entry in auto.history] == ["linear", "branch", "linear"]
+    assert auto.history[-1].nodes == 3
+
+
+@pytest.mark.parametrize("share", [0.1, 0.0])
+def test_a_tree_that_proved_little_is_left_for_a_relaxation_of_the_root(
+    only_branch, share, monkeypatch
+):
+    """Linear programs bound a convex form poorly, order 1 does not: its minimum is 0."""
+    monkeypatch.setattr(adaptive, "STRATEGY", StrategySettings(weak_tree=share))
+    x = sp.variables(5)
+    pairs = [(x[i] - 0.9 * x[j]) ** 2 for i in range(5) for j in range(i)]
+    problem = Problem(sp.total(pairs), lower=-1, upper=1)
+    context = SolveContext(problem, Options(effort="auto", node_limit=3), Stages(), Deadline(None))
+    point = prove_feasible(problem, np.full(5, 1e-2))
+    context = replace(context, best=point)
+    shared_state = SharedState.of(problem, (problem.objective,), context.options)
+    auto = AdaptiveSearch(
+        context, Model(BoxProof(), Interval(-np.ones(5), np.ones(5))), [], shared_state
+    )
+    auto.run()
+    assert auto.search is not None and auto.bound < -1.0
+    auto.queue.specs = [RelaxationSpec("order 1", 0.5, "full", 1)]
+    auto.run(1)
+    assert auto.bound > -1e-3
+    assert (auto.search is None) == (share > 0.0)
+    assert auto.at_nodes is None or auto.at_nodes.name == "order 1"
     assert auto.history[-1].nodes == 3
 
 
