@@ -466,7 +466,7 @@ class AdaptiveSearch:
             self._close_search()
 
     def _leave_weak_tree(self) -> None:
-        """Leave a tree where a relaxation of the root has proved far more than all its nodes.
+        """Leave a tree where a relaxation of the root has proved far more.
 
         Each open node would need that relaxation once; another tree has it from its root on.
         """

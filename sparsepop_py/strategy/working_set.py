@@ -111,7 +111,7 @@ class WorkingSetSearch:
         return True
 
     def _whole_first(self) -> bool:
-        """Check whether the star on all constraints is left to try and costs far less by now."""
+        """Check whether the untried star on all constraints costs far less by now."""
         queue = self.whole.queue
         stars = (queue.seconds(spec) for spec in queue.specs if spec.shape == "star")
         return self.spent > STRATEGY.whole_star * next(stars, np.inf)
