@@ -158,7 +158,11 @@ def where_terms_are(
             blocks.setdefault(size, []).append(BlockGroup(False, zero, group.clique[chosen], basis))
     groups = stacked_groups([block for parts in blocks.values() for block in parts])
     system = generators.stacked(relaxation.problem, relaxation.products)
-    groups = term_sparse(groups, system, objective.words, n, "chordal", steps=1)
+    closed = (  # where nearly all products occur, cliques overlap and hold more than components
+        term_sparse(groups, system, objective.words, n, method, steps=1)
+        for method in ("chordal", "components")
+    )
+    groups = min(closed, key=lambda found: sum(group.rows_each * group.count for group in found))
     made = [g.products().reshape(-1, 2 * g.basis.shape[2]) for g in groups]
     if not made:
         return None

@@ -37,6 +37,7 @@ __all__ = ["conflict_prices", "restored", "row_prices", "sequential_search", "vi
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
+_FLAT = 1e-6  # of the slope near a start: a slope less than that is no measure of the objective
 _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
 _PROMISED = 1e-11  # of the value: a step that promises less is not taken
@@ -235,8 +236,7 @@ def row_prices(
     search = _Search(problem, held, end)
     unit = problem.upper - problem.lower
     unit = np.where(np.isfinite(unit), unit, 1.0 + np.abs(x))
-    gradient = problem.objective_row.gradient(x)
-    gradient = gradient / max(1e-300, float(np.abs(gradient * unit).max()))
+    gradient = problem.objective_row.gradient(x) / _slope(problem, x, unit, trust)
     found = search.step(x, gradient, _PENALTY, *search.within(x, trust * unit))
     return np.zeros(problem.rows.size) if found is None else search.prices
 
@@ -265,6 +265,18 @@ def conflict_prices(
     search = _Search(problem, held, end)
     feasible = search.violation(_restored(search, x)) <= _VIOLATED
     return search.prices if search.prices.size and not feasible else np.zeros(problem.rows.size)
+
+
+def _slope(
+    problem: Problem, x: NDArray[np.float64], unit: NDArray[np.float64], trust: float
+) -> float:
+    """Measure how fast the objective changes at x; where it is flat there, near x."""
+    near = np.clip(x + trust * unit, problem.lower, problem.upper)
+    steep = [
+        float(np.abs(problem.objective_row.gradient(at) * unit).max(initial=0.0))
+        for at in (x, near, np.clip(x - trust * unit, problem.lower, problem.upper))
+    ]
+    return max(steep[0], _FLAT * max(steep)) or 1.0
 
 
 def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:
@@ -308,7 +320,7 @@ def sequential_search(
     width = problem.upper - problem.lower
     unit = np.where(np.isfinite(width), width, 1.0 + np.abs(start))
     x = np.clip(start, problem.lower, problem.upper)
-    search.scale = max(1e-300, float(np.abs(problem.objective_row.gradient(x) * unit).max()))
+    search.scale = _slope(problem, x, unit, trust)
     here, penalty, small = search.place(x), _PENALTY, 0
     watch = _Watch(creeping)
     for _ in range(_STEPS):

@@ -9,6 +9,7 @@ and register it; ``Options(solver=...)`` then knows its name.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,15 @@ from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 
-__all__ = ["NOT_BEGUN", "SOLVERS", "preferred", "require_solver", "solve_conic", "solver_names"]
+__all__ = [
+    "NOT_BEGUN",
+    "SOLVERS",
+    "least_seconds",
+    "preferred",
+    "require_solver",
+    "solve_conic",
+    "solver_names",
+]
 
 # Rows of the largest block from which on, with at least so many moments, the clique-tree method
 # was measured to be faster, with numpy alone and more so with compiled kernels.
@@ -103,16 +112,22 @@ def _iteration_work(program: ConicProgram) -> float:
     )
 
 
-def _least_seconds(program: ConicProgram, solver: str) -> float:
+def least_seconds(sides: Sequence[int], solver: str = "clarabel") -> float:
     """Estimate the wall seconds of the fewest iterations that lead anywhere.
 
-    Only of solvers that cannot be stopped inside an iteration: their Newton systems hold a dense
-    matrix for each block, whose factorization takes nearly all the time.
+    Only of solvers that cannot be stopped inside an iteration, 0 for others: their Newton systems
+    hold a dense matrix for each block, whose factorization takes nearly all the time.
+
+    Parameters
+    ----------
+    sides : sequence of int
+        Rows of each semidefinite block.
+    solver : str
     """
     if solver not in _UNSTOPPABLE:
         return 0.0
-    sides = np.array(program.cones.psd, float)
-    entries = sides * (sides + 1.0) / 2.0
+    rows = np.asarray(sides, float)
+    entries = rows * (rows + 1.0) / 2.0
     return float(_ITERATIONS * pace() * np.sum(entries**3) / 3.0 / _RATE)
 
 
@@ -190,7 +205,7 @@ def solve_conic(
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     settings = SolverSettings(time_limit, accuracy, target, max_iterations, solves)
     start = time.perf_counter()
-    if time_limit is not None and _least_seconds(program, solver) > time_limit:
+    if time_limit is not None and least_seconds(program.cones.psd, solver) > time_limit:
         return _not_begun(program, solver)
     found = _solver(solver)(program, settings)
     spend(found.iterations * _iteration_work(program))

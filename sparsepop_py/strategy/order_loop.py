@@ -45,6 +45,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import HistoryEntry
+from sparsepop_py.solvers import least_seconds
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.linear_tree import (
     LinearTreeResult,
@@ -410,7 +411,7 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
         if _worth_without_box(auto.context.problem):
-            if auto.next_seconds <= STRATEGY.long_first:
+            if auto.next_seconds <= max(STRATEGY.long_first, _seconds_without_box(auto)):
                 auto.run(STRATEGY.before_squares)
             if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
                 auto.search_more_starts()
@@ -432,6 +433,18 @@ def _worth_without_box(problem: Problem) -> bool:
     if finite(Interval(problem.lower, problem.upper)):
         return True
     return problem.degree > 2 and _restricted(problem)
+
+
+def _seconds_without_box(auto: AdaptiveSearch) -> float:
+    """Estimate the least seconds of an exact Gram matrix of all variables, 0 for smaller ones.
+
+    Its monomials are 1, those whose squares occur.
+    """
+    if auto.shared_state.cliques["constraints"].sizes.size > 1:
+        return 0.0
+    words = np.sort(auto.context.problem.objective.words, axis=1)[:, ::-1]
+    paired = words[:, 0::2][:, : words.shape[1] // 2] == words[:, 1::2]
+    return least_seconds([1 + int((paired.all(axis=1) & words.any(axis=1)).sum())])
 
 
 def _state_of(auto: AdaptiveSearch) -> SearchState:

@@ -133,3 +133,13 @@ def test_a_search_that_creeps_ends_near_the_minimum(monkeypatch):
         assert problem.violation(found) < 1e-3
         assert problem.objective(found) == pytest.approx(7049.248, rel=1e-4)
     assert programs[1] < 0.3 * programs[0]
+
+
+@pytest.mark.parametrize("end", [1.0, 1e6])
+def test_a_start_where_the_objective_is_flat_is_left(end: float) -> None:
+    """At x = 0 the slope of -x^2 y vanishes, which says nothing of the objective's size."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(-y * x**2, [y <= 2 * x, y * y <= end * end], -end, end)
+    found = sequential_search(problem, np.zeros(2))
+    assert np.isfinite(problem.objective(found))
+    assert slp.row_prices(problem, np.zeros(2), np.zeros(0, np.int64)).max() < 1e3

@@ -15,6 +15,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.options import SKIPPED
+from sparsepop_py.strategy import order_loop
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening import obbt_lp
 from sparsepop_py.verified.certificate.steps import Known
@@ -409,3 +410,17 @@ def test_the_form_without_products_follows_the_lean_one() -> None:
     assert result.history[0].lower_bound < least - 0.1  # blocks of 28 would close it as well
     assert result.upper_bound == least
     assert result.status is Status.OPTIMAL
+
+
+def test_relaxations_precede_exact_gram_matrices_that_take_longer(monkeypatch):
+    """A dense quartic of twelve variables: the matrix takes ten times as long as the order."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("a Gram matrix was looked for")
+
+    monkeypatch.setattr(order_loop, "unconstrained_bound", refused)
+    planted = sp.problems.random_quartic(12)
+    problem = Problem(planted.objective, (), planted.lower, planted.upper)  # coefficients alone
+    result = check(problem, sp.solve(problem, Options(effort="auto")))
+    assert result.status is Status.OPTIMAL
+    assert result.lower_bound <= 1.0 <= result.upper_bound  # as planted
