@@ -436,9 +436,9 @@ def _worth_without_box(problem: Problem) -> bool:
 
 
 def _seconds_without_box(auto: AdaptiveSearch) -> float:
-    """Estimate the least seconds of an exact Gram matrix of all variables, 0 for smaller ones.
+    """Estimate the least seconds of an exact Gram matrix of all variables.
 
-    Its monomials are 1, those whose squares occur.
+    Its monomials are 1 and those whose squares occur. With several cliques blocks are small: 0.
     """
     if auto.shared_state.cliques["constraints"].sizes.size > 1:
         return 0.0
