@@ -29,7 +29,7 @@ from sparsepop_py.relaxation.moment import (
     relax,
     shape_sizes,
 )
-from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.relaxation.shapes import Products, mixed_sizes
 from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -202,8 +202,13 @@ class RelaxationSpec:
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
             factor = HIERARCHY.chordal_time if self.terms == "chordal" else 1.0
             return factor * self._expected(sizes, rows)
+        where = cliques[self.joined]
+        if self.shape == "mixed":  # where memory would not do, it is not built to be priced
+            least = mixed_sizes(scaled.problem, where, scaled.objectives)
+            if self._expected(dict(least), 0.0) == np.inf:
+                return float(np.inf)
         sizes, rows = shape_sizes(
-            scaled.problem, self.shape, cliques[self.joined], scaled.objectives, self.products
+            scaled.problem, self.shape, where, scaled.objectives, self.products
         )
         return self._expected(sizes, rows)
 

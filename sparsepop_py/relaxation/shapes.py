@@ -17,6 +17,7 @@ row useless. All of it follows from the products of the problem, not from its or
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
@@ -36,7 +37,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, matrix_block
 from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["SHAPES", "Products", "ShapeBuilder", "shaped_blocks"]
+__all__ = ["SHAPES", "Products", "ShapeBuilder", "mixed_sizes", "shaped_blocks"]
 
 _GLOBAL = 0.25  # a variable in this share of all constraints is one that all of them share
 
@@ -181,6 +182,28 @@ def shaped_blocks(
     return builder.blocks
 
 
+def mixed_sizes(
+    problem: Problem, cliques: Cliques, objectives: Sequence[Polynomial]
+) -> dict[int, int]:
+    """Count the blocks of the cliques in the mixed shape, by size, without making them.
+
+    Parameters
+    ----------
+    problem : Problem
+    cliques : Cliques
+    objectives : sequence of Polynomial
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x + y <= 1], lower=-1, upper=1)
+    >>> mixed_sizes(problem, sp.find_cliques(problem), [problem.objective])
+    {4: 1}
+    """
+    return dict(Counter(map(len, _Builder(problem, cliques, objectives).clique_bases())))
+
+
 class _Builder:
     """Collector of blocks; letters are variable numbers from 1. Mutable."""
 
@@ -230,7 +253,7 @@ class _Builder:
             len(self.problem.constraints), self.problem.dimension
         )
         finite = np.isfinite(self.problem.lower), np.isfinite(self.problem.upper)
-        centre = set(self.products.complicating)
+        centre, free = set(self.products.complicating), set(self.free)
         for v in self.free:
             clique = int(self.cliques.home_of_variable[v])
             if finite[0][v] and finite[1][v]:
@@ -239,7 +262,7 @@ class _Builder:
                     self.rows(np.array([lower.start, upper.start]) + v)
                     continue
                 met = [] if inside is None and v in centre else met
-                basis = [(), *((p + 1,) for p in met if p in set(self.free))]
+                basis = [(), *((p + 1,) for p in met if p in free)]
                 self.add(False, box.start + v, clique, basis)
             elif finite[0][v] or finite[1][v]:
                 family = lower if finite[0][v] else upper
@@ -282,7 +305,8 @@ class _Builder:
     def star(self, split: bool) -> None:
         """Add blocks around the complicating variables."""
         centre = [(c,) for c in self.centre]
-        shared = [(v + 1,) for v in self.products.shared if v in set(self.free)]
+        free = set(self.free)
+        shared = [(v + 1,) for v in self.products.shared if v in free]
         base = [(), *centre]
         inside = {c - 1 for c in self.centre}
         partners = self.products.partners
@@ -353,19 +377,18 @@ class _Builder:
 
     def mixed(self) -> None:
         """Add one block a clique: 1, its variables, and the products that occur in it."""
-        held = self._products_by_clique()
-        free = set(self.free)
-        allowed: list[set[tuple[int, ...]]] = []
-        bases: list[list[tuple[int, ...]]] = []
-        for k, members in enumerate(self.cliques.members):
-            basis = [(), *((v + 1,) for v in members if v in free), *held[k]]
-            bases.append(basis)
+        bases = self.clique_bases()
+        for k, basis in enumerate(bases):
             self.add(False, 0, k, basis)
-            allowed.append({tuple(sorted(a + b)) for a in basis for b in basis})
+        allowed: dict[int, set[tuple[int, ...]]] = {-1: set()}
         for number, constraint in enumerate(self.problem.constraints):
+            check()
             polynomial = constraint.polynomial
             home = int(self.cliques.home[number])
-            basis, held_there = (bases[home], allowed[home]) if home >= 0 else ([()], set())
+            basis = bases[home] if home >= 0 else [()]
+            if home not in allowed:
+                allowed[home] = {tuple(sorted(a + b)) for a in basis for b in basis}
+            held_there = allowed[home]
             if constraint.entries:
                 entries = [t for p in constraint.entries for t in _terms(p)]
                 self.matrix(number, max(home, 0), _localized(basis, held_there, entries))
@@ -383,6 +406,14 @@ class _Builder:
             clique = set(self.cliques.members[int(self.cliques.home_of_variable[v])])
             inside[v] = [p for p in others if p in clique]
         self.bounds(inside)
+
+    def clique_bases(self) -> list[list[tuple[int, ...]]]:
+        """List 1, the variables and the products that occur, for each clique."""
+        held, free = self._products_by_clique(), set(self.free)
+        return [
+            [(), *((v + 1,) for v in members if v in free), *products]
+            for members, products in zip(self.cliques.members, held, strict=True)
+        ]
 
     def _products_by_clique(self) -> list[list[tuple[int, ...]]]:
         sets = [set(members) for members in self.cliques.members]
