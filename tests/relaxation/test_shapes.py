@@ -8,6 +8,7 @@ McCormick's envelopes by linprog and grids.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,12 @@ from relaxed import value
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
-from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.problem.generators import stacked
+from sparsepop_py.relaxation import hierarchy
+from sparsepop_py.relaxation.shapes import Products, mixed_sizes, shaped_blocks
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 INF = np.inf
 SHAPES = ("linear", "star", "split", "mixed")
@@ -397,3 +402,37 @@ def test_partners_may_stem_from_an_objective_alone():
     ):
         cliques = find_cliques(problem, objectives=others, joined="partners")
         assert cliques.members == ((0, 1, 2),)
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_mixed_blocks_are_counted_without_being_made(seed):
+    rng = np.random.default_rng(seed)
+    x = sp.variables(6)
+    i, j = rng.integers(0, 6, (2, 5))
+    rows = [x[a] * x[b] >= -1 for a, b in zip(i[:3].tolist(), j[:3].tolist(), strict=True)]
+    problem = Problem(sp.total(x[a] * x[b] for a, b in zip(i, j, strict=True)), rows, -1, 1)
+    cliques, objectives = find_cliques(problem), [problem.objective]
+    system = stacked(problem, np.zeros((0, 2), np.int64))
+    made = shaped_blocks("mixed", problem, cliques, system, objectives)
+    counts = Counter[int]()
+    for block in made:
+        if not block.free and np.all(block.generator == 0):
+            counts[block.size] += block.count
+    assert mixed_sizes(problem, cliques, objectives) == counts
+
+
+def test_dense_quadratics_are_too_large_without_being_built(monkeypatch):
+    """All products of 125 variables: a block of 8001, whose system is beyond 5 GB."""
+
+    def refused(*_):
+        raise AssertionError("the blocks were made")
+
+    monkeypatch.setattr(hierarchy, "shape_sizes", refused)
+    x = sp.variables(125)
+    problem = Problem(sp.total(x) ** 2, lower=-1.0, upper=1.0)
+    box = Interval(problem.lower, problem.upper)
+    scaled = Scaled.of(problem, Scaling.of_box(box), (problem.objective,))
+    families = hierarchy.Families(problem, (problem.objective,), True, "auto")
+    spec = hierarchy.RelaxationSpec("mixed", 0.8, "mixed", memory=5e9)
+    assert spec.seconds(scaled, families) == INF
