@@ -22,7 +22,14 @@ from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
 from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["LEAN", "affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
+__all__ = [
+    "LEAN",
+    "affordable",
+    "fitting_relaxations",
+    "largest_basis",
+    "solver_bytes",
+    "worth_building",
+]
 
 LEAN = "bounds enter linearly"  # how the note begins where only the lean form fits
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
@@ -41,7 +48,12 @@ def solver_bytes(relaxation: Relaxation) -> float:
 
 def worth_building(cliques: Cliques, order: int) -> bool:
     """Check that the basis of the largest clique is small enough to build the relaxation."""
-    return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
+    return largest_basis(cliques, order) <= _BASIS
+
+
+def largest_basis(cliques: Cliques, order: int) -> int:
+    """Count the monomials of the largest clique up to a degree."""
+    return comb(max(len(c) for c in cliques.members) + order, order)
 
 
 def affordable(relaxation: Relaxation, memory: float) -> bool:
