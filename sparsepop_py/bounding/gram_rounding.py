@@ -225,7 +225,7 @@ def entries_of(
 def open_entries(
     gram: ExactGram, objective: Polynomial
 ) -> tuple[NDArray[np.float64], sps.csc_array, NDArray[np.int64]]:
-    """Write all entries as those that complete the objective plus a matrix times the open ones.
+    """Write entries as those that complete the objective, plus changes by open ones.
 
     Parameters
     ----------

@@ -147,7 +147,11 @@ def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, orde
     least = blocks * _entries(basis // blocks) ** 3 / 3.0
     if basis > _BASIS or least > _OPERATIONS:
         return _NOTHING
-    return _worthwhile(build(order), build(order, lean=True), memory)
+    full = build(order)
+    bounded = np.isfinite(full.problem.lower) | np.isfinite(full.problem.upper)
+    if not full.problem.constraints and not bounded.any():
+        return _worthwhile(full, full, memory)  # without multipliers the forms are the same
+    return _worthwhile(full, build(order, lean=True), memory)
 
 
 def _largest_that_fits(
@@ -167,6 +171,8 @@ def _largest_that_fits(
 
 def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
     """Choose the lean form where much cheaper, the full one where affordable."""
+    if lean is full:
+        return ((full,), ()) if affordable(full, memory) else _NOTHING
     cheap, costly = _operations(lean), _operations(full)
     if affordable(full, memory):
         return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
