@@ -168,7 +168,7 @@ def _round(
 
 
 def _pairs_of_runs(owner: Whole) -> tuple[Whole, Whole]:
-    """List the pairs of places, each with itself too, that have the same owner; it is sorted."""
+    """List pairs of places of one owner, each with itself too; owners are sorted."""
     place = np.arange(owner.size)
     end = np.searchsorted(owner, owner, side="right")
     count = end - place

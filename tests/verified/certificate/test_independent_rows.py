@@ -92,6 +92,15 @@ def test_numbers_that_may_not_fit_are_left_alone(values):
     assert whole_numbers(np.array(values)) is None
 
 
+def test_sums_that_may_not_fit_are_noticed():
+    """Denominators near 2**31 without a common factor, and numerators of 2**40."""
+    top = np.array([2**40])
+    with pytest.raises(independent_rows._TooLong):
+        independent_rows._sum(top, np.array([2**31 - 1]), top, np.array([2**31 - 3]))
+    found = independent_rows._sum(top, np.array([6]), -3 * top, np.array([9]))
+    assert [int(x[0]) for x in found] == [-(2**39), 3]
+
+
 @pytest.mark.parametrize(
     "make", [problems.rosenbrock, problems.chained_wood, problems.chained_singular]
 )
