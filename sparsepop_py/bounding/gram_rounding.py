@@ -35,7 +35,15 @@ from sparsepop_py.relaxation.term_sparsity import term_sparse
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
-__all__ = ["estimate", "exact_grams", "interior_grams", "where_terms_are"]
+__all__ = [
+    "entries_of",
+    "estimate",
+    "exact_grams",
+    "interior_grams",
+    "open_entries",
+    "semidefinite_part",
+    "where_terms_are",
+]
 
 
 def exact_grams(
@@ -91,7 +99,7 @@ def interior_grams(
         sharp = solution.z if sharp is None else sharp
         for share in BOUNDING.interior_steps:
             z = sharp + share * (solution.z - sharp)
-            basis, first, second, value = _entries(sparse, rows * z)
+            basis, first, second, value = entries_of(sparse, rows * z)
             for bits in BOUNDING.interior_bits:
                 yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
@@ -119,7 +127,7 @@ def _rounded(
     solution = solve_conic(normed, "clarabel", time_limit)
     if solution.status not in ("solved", "almost"):
         return
-    basis, first, second, value = _entries(sparse, rows * solution.z)
+    basis, first, second, value = entries_of(sparse, rows * solution.z)
     for bits in BOUNDING.bits:
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
@@ -188,7 +196,7 @@ def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.fl
     return np.concatenate(weights)
 
 
-def _entries(
+def entries_of(
     relaxation: Relaxation, z: NDArray[np.float64]
 ) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Sum all Gram matrices: basis, rows, columns and values, diagonal entries first."""
@@ -214,21 +222,53 @@ def _entries(
     return basis, first, second, value[order].astype(float)
 
 
-def estimate(gram: ExactGram, objective: Polynomial) -> float:
-    """Estimate in floating point the bound that a semidefinite Gram matrix would prove."""
-    n, size = objective.dimension, gram.basis.shape[0]
+def open_entries(
+    gram: ExactGram, objective: Polynomial
+) -> tuple[NDArray[np.float64], sps.csc_array, NDArray[np.int64]]:
+    """Write entries as those that complete the objective, plus changes by open ones.
+
+    Parameters
+    ----------
+    gram : ExactGram
+        Its values are not used.
+    objective : Polynomial
+
+    Returns
+    -------
+    entries : (k,) float
+        Those where all open ones are 0.
+    change : (k, m) sparse array
+    open : (m,) int
+        Which entries are open.
+    """
+    n = objective.dimension
     product = monomials.multiply(gram.basis[gram.first], gram.basis[gram.second])
     distinct, number = monomials.collect(product, n)
     at = monomials.lookup(distinct, objective.words, n)
     asked = np.where(at >= 0, objective.coefficients[at], 0.0)
     times = np.where(gram.first == gram.second, 1.0, 2.0)
     _, taker = np.unique(number, return_index=True)
-    value = gram.value.copy()
-    value[taker] = 0.0
-    value[taker] = (asked - np.bincount(number, times * value, asked.size)) / times[taker]
-    upper = sps.csc_array((value, (gram.first, gram.second)), shape=(size, size))
+    entries = np.zeros(times.size)
+    entries[taker] = asked / times[taker]
+    free = np.delete(np.arange(times.size), taker)
+    takes = taker[number[free]]
+    row, column = np.concatenate([free, takes]), np.tile(np.arange(free.size), 2)
+    share = np.concatenate([np.ones(free.size), -times[free] / times[takes]])
+    return entries, sps.csc_array((share, (row, column)), shape=(times.size, free.size)), free
+
+
+def semidefinite_part(gram: ExactGram) -> tuple[sps.csc_array, NDArray[np.float64]]:
+    """Return the matrix without the constant, shifted a little, and the row of the constant."""
+    size = gram.basis.shape[0]
+    upper = sps.csc_array((gram.value, (gram.first, gram.second)), shape=(size, size))
     matrix = sps.csc_array(upper + sps.triu(upper, 1).T)
     inner, row = matrix[1:][:, 1:], matrix[[0]].toarray().ravel()[1:]
     shift = BOUNDING.shift * np.maximum(1.0, np.abs(inner.diagonal()))
-    hidden = row @ spsolve(sps.csc_array(inner + sps.diags_array(shift)), row)
-    return float(objective.constant_term - hidden)
+    return sps.csc_array(inner + sps.diags_array(shift)), row
+
+
+def estimate(gram: ExactGram, objective: Polynomial) -> float:
+    """Estimate in floating point the bound that a semidefinite Gram matrix would prove."""
+    entries, change, free = open_entries(gram, objective)
+    inner, row = semidefinite_part(replace(gram, value=entries + change @ gram.value[free]))
+    return float(objective.constant_term - row @ spsolve(inner, row))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.gram_kernel import grams_with_kernel
 from sparsepop_py.bounding.gram_rounding import (
     estimate,
     exact_grams,
@@ -41,7 +42,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.context import SolveContext
-from sparsepop_py.presolve.size_limits import affordable, worth_building
+from sparsepop_py.presolve.size_limits import affordable, largest_basis, worth_building
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
@@ -125,8 +126,8 @@ def unconstrained_bound(
             return outcome or fewer
         inside: CertifiedBound | None = None
         if outcome is None:
-            context, inside = _interior_first(context, model, model.scaled, search)
-            if inside is not None and _suffices(context, inside, model.relaxations[-1]):
+            context, inside, enough = _near_the_incumbent(context, model, model.scaled, search)
+            if enough:
                 return inside
             context, outcome = _exactly(context, model, search)
             if good_enough(context, lower_bound(outcome.certificate)):
@@ -154,6 +155,8 @@ def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | Non
         objectives, order = scaled.objectives, least_order(problem)
         cliques = find_cliques(scaled.problem, options.sparse, options.chordal, objectives)
         if not worth_building(cliques, order):
+            return None
+        if largest_basis(cliques, order) <= BOUNDING.few_monomials:
             return None
         whole = relax(scaled.problem, order, cliques=cliques, objectives=objectives, terms="sign")
         largest = max(whole.block_sizes)
@@ -185,27 +188,47 @@ def _about_the_incumbent(
     return better(outcome, _from_the_interior(context, model, model.scaled, "clarabel"))
 
 
-def _interior_first(
+def _near_the_incumbent(
     context: SolveContext,
     model: Model,
     scaled: Scaled,
     search: Search | None,
-) -> tuple[SolveContext, CertifiedBound | None]:
-    """Certify Gram matrices of the interior first, where no exact bound is to be expected.
+) -> tuple[SolveContext, CertifiedBound | None, bool]:
+    """Certify what the incumbent tells of Gram matrices, and whether that is enough.
 
-    A better point is looked for before: local minimisers say little.
+    An exact one vanishes there. Where none is expected, those of the interior come first. A better
+    point is looked for before: local minimisers say little.
     """
-    relaxation = model.relaxations[-1]
-    if search is None or not _tends_to_no_exact_bound(context, relaxation):
-        return context, None
+    relaxation, old = model.relaxations[-1], context.best
+    exact = _at_the_incumbent(context, model)
+    if exact is not None or search is None or not _tends_to_no_exact_bound(context, relaxation):
+        return context, exact, exact is not None
     context = search(context.upper - BOUNDING.far_incumbent * (1.0 + abs(context.upper)), None)
-    if not _tends_to_no_exact_bound(context, relaxation):
-        return context, None
+    exact = _at_the_incumbent(context, model) if context.best is not old else None
+    if exact is not None or not _tends_to_no_exact_bound(context, relaxation):
+        return context, exact, exact is not None
     inside = _from_the_interior(context, model, scaled)
     bound = lower_bound(inside.certificate)
     if bound > -np.inf and not context.closed(bound):
         context = search(bound, inside)
-    return context, inside
+    return context, inside, _suffices(context, inside, relaxation)
+
+
+def _at_the_incumbent(context: SolveContext, model: Model) -> CertifiedBound | None:
+    """Certify a Gram matrix that vanishes at the incumbent, None where none closes the gap."""
+    relaxation, best = model.relaxations[-1], context.best
+    if best is None:
+        return None
+    replay, f = context.at_cutoff(), context.problem.objective
+    with context.stages.stage("certify"):
+        for expected, gram in grams_with_kernel(f, relaxation, best.x):
+            if not context.closed(expected):
+                continue
+            proved = prove(replay, model.box, gram, False)
+            if context.closed(proved.bound):
+                box_bound = BoxBound(proved, Node(argument=gram))
+                return certified_bound(replay, model, box_bound, relaxation)
+    return None
 
 
 def _suffices(context: SolveContext, inside: CertifiedBound, relaxation: Relaxation) -> bool:

@@ -52,8 +52,10 @@ def zeros_of_squares(problem: Problem, start: NDArray[Any], end: float) -> NDArr
     return _descended(problem, start, end, value, model)
 
 
-def newton_polish(problem: Problem, x: NDArray[Any], end: float) -> NDArray[np.float64]:
-    """Take shifted Newton steps from a point near a minimum."""
+def newton_polish(
+    problem: Problem, x: NDArray[Any], end: float, steps: int = _STEPS
+) -> NDArray[np.float64]:
+    """Take shifted Newton steps, few from a point near a minimum."""
     row = problem.objective_row
 
     def value(x: NDArray[Any]) -> float:
@@ -62,7 +64,7 @@ def newton_polish(problem: Problem, x: NDArray[Any], end: float) -> NDArray[np.f
     def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[sps.csr_array, NDArray[Any]]:
         return row.gradient_system.jacobian(x)[inner][:, inner], row.gradient(x)[inner]
 
-    return _descended(problem, x, end, value, model)
+    return _descended(problem, x, end, value, model, steps)
 
 
 def _solved(matrix: sps.csr_array, right: NDArray[Any]) -> NDArray[np.float64]:
@@ -80,6 +82,7 @@ def _descended(
     end: float,
     value: Callable[[NDArray[Any]], float],
     model: Callable[[NDArray[Any], NDArray[Any]], tuple[sps.csr_array, NDArray[Any]]],
+    steps: int = _STEPS,
 ) -> NDArray[np.float64]:
     """Take steps -(H + shift I)^-1 g in the inner variables while they descend.
 
@@ -88,7 +91,7 @@ def _descended(
     variables are followed to their end, each step by one sparse elimination.
     """
     reached, shift, fails = value(x), 0.0, 0
-    for _ in range(_STEPS):
+    for _ in range(steps):
         spend(1e-4 + 1e-6 * problem.dimension)
         if time.monotonic() >= end:
             break

@@ -27,6 +27,8 @@ from sparsepop_py.relaxation.shapes import Products
 __all__ = ["DENSE_LIMIT", "local_search"]
 
 DENSE_LIMIT = 300  # variables of the largest problems for SLSQP
+_FIRST_STEPS = 60  # of second order before others, in more variables
+_LEVEL = 1e-6  # largest slope where a search has ended, relative to 1 and the value
 _FAR = 1e8  # a search that comes this far follows a falling objective to infinity
 
 
@@ -104,6 +106,10 @@ def _value(problem: Problem, end: float) -> Any:
 
 
 def _by_bounds(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
+    if problem.dimension > DENSE_LIMIT:
+        x = newton_polish(problem, start, end, _FIRST_STEPS)
+        if _is_level(problem, x):
+            return x
     bounds = Bounds(problem.lower, problem.upper)
     options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-12, "gtol": 1e-10}
     x = minimize(
@@ -116,6 +122,14 @@ def _by_bounds(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.
         callback=_stop_far_away,
     ).x
     return newton_polish(problem, x, end)
+
+
+def _is_level(problem: Problem, x: NDArray[np.float64]) -> bool:
+    """Check that the objective falls in no direction that the bounds allow, up to rounding."""
+    slope, value = problem.objective_row.gradient(x), problem.objective(x)
+    slope = np.where(x <= problem.lower, np.minimum(slope, 0.0), slope)
+    slope = np.where(x >= problem.upper, np.maximum(slope, 0.0), slope)
+    return bool(np.abs(slope).max(initial=0.0) <= _LEVEL * (1.0 + abs(value)))
 
 
 def _stop_far_away(intermediate_result: Any) -> None:

@@ -22,7 +22,14 @@ from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
 from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["LEAN", "affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
+__all__ = [
+    "LEAN",
+    "affordable",
+    "fitting_relaxations",
+    "largest_basis",
+    "solver_bytes",
+    "worth_building",
+]
 
 LEAN = "bounds enter linearly"  # how the note begins where only the lean form fits
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
@@ -41,7 +48,12 @@ def solver_bytes(relaxation: Relaxation) -> float:
 
 def worth_building(cliques: Cliques, order: int) -> bool:
     """Check that the basis of the largest clique is small enough to build the relaxation."""
-    return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
+    return largest_basis(cliques, order) <= _BASIS
+
+
+def largest_basis(cliques: Cliques, order: int) -> int:
+    """Count the monomials of the largest clique up to a degree."""
+    return comb(max(len(c) for c in cliques.members) + order, order)
 
 
 def affordable(relaxation: Relaxation, memory: float) -> bool:
@@ -135,7 +147,11 @@ def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, orde
     least = blocks * _entries(basis // blocks) ** 3 / 3.0
     if basis > _BASIS or least > _OPERATIONS:
         return _NOTHING
-    return _worthwhile(build(order), build(order, lean=True), memory)
+    full = build(order)
+    bounded = np.isfinite(full.problem.lower) | np.isfinite(full.problem.upper)
+    if not full.problem.constraints and not bounded.any():
+        return _worthwhile(full, full, memory)  # without multipliers the forms are the same
+    return _worthwhile(full, build(order, lean=True), memory)
 
 
 def _largest_that_fits(
@@ -155,6 +171,8 @@ def _largest_that_fits(
 
 def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
     """Choose the lean form where much cheaper, the full one where affordable."""
+    if lean is full:
+        return ((full,), ()) if affordable(full, memory) else _NOTHING
     cheap, costly = _operations(lean), _operations(full)
     if affordable(full, memory):
         return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()

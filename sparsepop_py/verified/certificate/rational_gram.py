@@ -29,9 +29,15 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.independent_rows import (
+    Entries,
+    eliminate_independent,
+    whole_numbers,
+)
 
 __all__ = ["ExactGram", "RationalPolynomial"]
 
+_MANY = 200  # monomials from which rows are eliminated many at a time, as far as they fit
 _BITS = 1_000_000  # numbers longer than this end the elimination without a result
 
 Rows = dict[int, dict[int, Fraction]]
@@ -107,8 +113,7 @@ class ExactGram:
         """
         if not self._sensible(objective.dimension):
             return -np.inf
-        rows = self._matrix(objective)
-        hidden = None if rows is None else _eliminated(rows)
+        hidden = self._hidden(objective)
         if hidden is None:
             return -np.inf
         return float(Interval.of_fraction(Fraction(objective.constant_term) - hidden).lo)
@@ -127,6 +132,64 @@ class ExactGram:
             and are_indices(self.second, size)
             and are_numbers(self.value)
         )
+
+    def _hidden(self, objective: Polynomial | RationalPolynomial) -> Fraction | None:
+        """Compute what the squares cost the constant, None unless Q is semidefinite."""
+        scaled = None
+        if self.basis.shape[0] >= _MANY and isinstance(objective, Polynomial):
+            scaled = self._whole_matrix(objective)
+        if scaled is None:
+            rows = self._matrix(objective)
+            return None if rows is None else _eliminated(rows)
+        entries, bits = scaled
+        found = None
+        if entries is not None:
+            found = eliminate_independent(entries, self.basis.shape[0])
+        if found is None:
+            return None
+        left, lost = found
+        rest = _eliminated(_rows(left))
+        if rest is None:
+            return None
+        terms = [
+            Fraction(*pair) for pair in zip(lost.top.tolist(), lost.under.tolist(), strict=True)
+        ]
+        return (_total(terms) + rest) / 2**bits
+
+    def _whole_matrix(self, objective: Polynomial) -> tuple[Entries | None, int] | None:
+        """The matrix of :meth:`_matrix` times a power of two, which is given as its exponent.
+
+        None where whole numbers may not fit; None as entries where f has other monomials.
+        """
+        found = whole_numbers(np.concatenate([self.value, objective.coefficients]))
+        if found is None:
+            return None
+        count, n = self.first.size, objective.dimension
+        value, coefficient = 2 * found[0][:count], 2 * found[0][count:]
+        letters = np.sort(self.basis, axis=1)
+        product = monomials.multiply(letters[self.first], letters[self.second])
+        width = max(product.shape[1], objective.words.shape[1])
+        words = [monomials.widen(w, width) for w in (product, objective.words)]
+        distinct, number = monomials.collect(np.concatenate(words), n)
+        times = np.where(self.first == self.second, 1, 2)
+        place, taker = np.unique(number[:count], return_index=True)
+        value[taker] = 0
+        rest = np.zeros(distinct.shape[0], np.int64)
+        rest[number[count:]] = coefficient
+        np.subtract.at(rest, number[:count], value * times)
+        value[taker] = rest[place] // times[taker]  # even, so that no half is lost
+        rest[place] = 0
+        rest[: int(not distinct[:1].any())] = 0
+        if rest.any():
+            return None, 0
+        size = self.basis.shape[0]
+        low, high = np.minimum(self.first, self.second), np.maximum(self.first, self.second)
+        key, at = np.unique(low * size + high, return_inverse=True)
+        total = np.zeros(key.size, np.int64)
+        np.add.at(total, at, value)
+        kept = (total != 0) & (key != 0)
+        low, high = np.divmod(key[kept], size)
+        return Entries(low, high, total[kept], np.ones(low.size, np.int64)), found[1] + 1
 
     def _matrix(self, objective: Polynomial | RationalPolynomial) -> Rows | None:
         """Rows of Q without the entry of the constant; None where f has other monomials."""
@@ -163,6 +226,16 @@ class ExactGram:
             elif rest[place]:
                 return None
         return rows
+
+
+def _rows(entries: Entries) -> Rows:
+    """Rows of a symmetric matrix as fractions."""
+    rows: Rows = {0: {}}
+    for low, high, top, under in zip(*(x.tolist() for x in vars(entries).values()), strict=True):
+        value = Fraction(top, under)
+        rows.setdefault(low, {})[high] = value
+        rows.setdefault(high, {})[low] = value
+    return rows
 
 
 def _add(rows: Rows, i: int, j: int, value: Fraction) -> None:
