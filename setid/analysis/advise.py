@@ -35,6 +35,7 @@ Reals = NDArray[np.float64]
 
 _FEWEST, _USUAL, _MOST = 20, 30, 50  # samples in the transient
 _BAND = 0.02  # of the height of a step: within it the response has settled
+_STILL = 0.1  # of a step: by which an input may move besides it
 _TAIL = 0.1  # of the record, from which the final value is taken
 _CONFIDENCE = 0.95
 _RUN = 5  # equal readings at an end of the range that count as saturation, at least
@@ -164,8 +165,8 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     if not isinstance(step_record, IOData):
         raise DataError(f"step_record: found {type(step_record).__name__}, expected IOData")
     begin = _step_at(step_record)
-    settled = [_settled(y, begin) for y in step_record.y.T]
-    last = max(settled)
+    once = _steps_once(step_record, begin)
+    last = max(_settled(y, begin) for y in step_record.y.T) if once else inf
     settling = (last - begin) * step_record.Ts if last < inf else float("nan")
     zero = zero_record
     if zero is None:
@@ -199,6 +200,14 @@ def _step_at(data: IOData) -> int:
             "before it"
         )
     return int(np.argmax(size)) + 1
+
+
+def _steps_once(data: IOData, begin: int) -> bool:
+    """Check that inputs stay where they are, before and after their largest change."""
+    size = np.nanmax(np.abs(data.u[begin] - data.u[begin - 1]))
+    parts = data.u[:begin], data.u[begin:]
+    moved = max(float((np.nanmax(u, axis=0) - np.nanmin(u, axis=0)).max()) for u in parts)
+    return moved <= _STILL * size
 
 
 def _settled(y: Reals, begin: int) -> float:
@@ -325,6 +334,11 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
                 f"this record itself is sampled too slowly (Ts = {found.record.Ts:g}{unit}) to "
                 "tell the settling time well"
             )
+    elif not _steps_once(found.record, _step_at(found.record)):
+        lines.append(
+            "no input steps once and then stays: sampling and settling times are read off a step "
+            "response; record one"
+        )
     else:
         lines.append(
             "the response has not settled by the end of the record: record longer (or the system "

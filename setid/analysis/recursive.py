@@ -47,6 +47,7 @@ Reals = NDArray[np.float64]
 _BOX_SECONDS = 5.0  # for one box from uncertain rows
 _MOST_LINEAR = 60  # unknowns up to which linear problems are solved in rationals
 _NEAR = -1e-12  # relative: rows that end this far from the box are redundant, rounding included
+_RETAINED = 60  # samples, where no limit is given and few parameters need no more
 _TRACE = 1000  # past boxes kept for the picture
 
 
@@ -101,8 +102,9 @@ class Recursive:
         Bounds, one number or one a channel.
     priors : iterable of priors and ``sp`` constraints
         Without a prior, intervals are infinite until the samples bound them.
-    limit : int
-        Largest number of samples that are retained (the complexity); at least 4 p^2.
+    limit : int, optional
+        Largest number of samples that are retained (the complexity); at least 4 p^2. When left
+        out, the larger of 60 and 4 p^2.
     window : int, optional
         Forget older samples than this many: what is claimed then holds for parameters that are
         consistent with the last ``window`` samples. All samples count when left out.
@@ -151,7 +153,7 @@ class Recursive:
         noise: Noise,
         priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
         *,
-        limit: int = 60,
+        limit: int | None = None,
         window: int | None = None,
         Ts: float = 1.0,
         executor: Executor | None = None,
@@ -159,8 +161,9 @@ class Recursive:
         self.model = _from_unknown(model)
         self.noise = _check_noise(noise)
         self.priors = tuple(listed(priors))
-        p = len(self.model.parameters)
-        self.limit = natural(limit, "limit", SetidError, least=4 * p * p)
+        least = 4 * len(self.model.parameters) ** 2
+        retained = max(_RETAINED, least) if limit is None else limit
+        self.limit = natural(retained, "limit", SetidError, least=least)
         self.window = None if window is None else natural(window, "window", SetidError, least=1)
         self.Ts = float(Ts)
         self._executor = executor

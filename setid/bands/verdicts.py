@@ -14,6 +14,7 @@ __all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
 Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
 Verdict = Literal["tight", "wide", "unstable", "unproved"]
+_LOOSE = 3.0  # ratio from which a reader is told why
 _FLOOR = 0.01  # of the largest attained width: narrower samples do not count
 
 
@@ -65,7 +66,13 @@ class BandReport:
         """One sentence for people."""
         size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
         if self.verdict == "tight":
-            return f"proved width at most {self.ratio:.3g} times the attained one ({size})"
+            text = f"proved width at most {self.ratio:.3g} times the attained one ({size})"
+            if self.ratio > _LOOSE:
+                text += (
+                    "; it is the proved set of the parameters that is wide, not what is made of "
+                    "it: more time for identify narrows it"
+                )
+            return text
         if self.verdict == "wide":
             text = (
                 f"time is over at a proved width of up to {self.ratio:.3g} times the attained one"

@@ -435,7 +435,15 @@ class Identification(FeasibleSet):
         return replace(frequency_band(self, omega, kind, output, input), view="nichols")
 
     def step(
-        self, length: int = 50, kind: Kind = "proved", output: int = 1, input: int = 1
+        self,
+        length: int = 50,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+        *,
+        tolerance: float = 0.1,
+        time_limit: float = 20.0,
+        all_time: bool = False,
     ) -> StepBand:
         """Bound step responses, for ``.plot()``; see :func:`setid.step_band`.
 
@@ -446,10 +454,25 @@ class Identification(FeasibleSet):
         kind : {"proved", "sampled"}
         output, input : int
             Channels, from 1.
+        tolerance : float
+            Share of the attained width by which a proved band may reach beyond it on each side.
+        time_limit : float
+            Seconds in which that is tried.
+        all_time : bool
+            Whether to prove a range after the last sample too.
         """
         from setid.bands.steps import step_band
 
-        return step_band(self, length, kind, output, input)
+        return step_band(
+            self,
+            length,
+            kind,
+            output,
+            input,
+            tolerance=tolerance,
+            time_limit=time_limit,
+            all_time=all_time,
+        )
 
     def fps(self, first: str, second: str, directions: int = 16) -> Projection:
         """The feasible parameter set over two parameters; see :func:`setid.project`.
@@ -466,7 +489,13 @@ class Identification(FeasibleSet):
         return project(self, first, second, directions)
 
     def simulate(
-        self, data: IOData | None = None, kind: Kind | None = None, noise: Noise | None = None
+        self,
+        data: IOData | None = None,
+        kind: Kind | None = None,
+        noise: Noise | None = None,
+        *,
+        tolerance: float = 0.1,
+        time_limit: float = 20.0,
     ) -> OutputBand:
         """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`.
 
@@ -478,10 +507,14 @@ class Identification(FeasibleSet):
             Proved where that is possible when left out.
         noise : Noise, optional
             Of this record; that of the identification when left out.
+        tolerance : float
+            Share of the attained width by which a proved band may reach beyond it on each side.
+        time_limit : float
+            Seconds in which that is tried.
         """
         from setid.bands.outputs import simulate_band
 
-        return simulate_band(self, data, kind, noise)
+        return simulate_band(self, data, kind, noise, tolerance=tolerance, time_limit=time_limit)
 
     def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
         """One-step predictions with bands; see :func:`setid.predict`.

@@ -118,3 +118,14 @@ def test_a_record_without_rest_gives_no_noise_bound() -> None:
     y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u)
     found = setid.advise(setid.IOData(u, y))
     assert found.noise_bound is None and "no part of the record is at rest" in found.text
+
+
+def test_inputs_that_go_on_changing_are_no_step() -> None:
+    u = np.repeat(np.random.default_rng(0).uniform(-1, 1, 60), 5)
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u)
+    found = setid.advise(setid.IOData(u, y, 0.1))
+    assert np.isnan(found.settling_time) and np.isnan(found.sampling_time)
+    assert "no input steps once" in found.text and "integrates" not in found.text
+    jitter = 0.01 * np.random.default_rng(1).uniform(-1, 1, 1200)
+    slightly = setid.IOData(step().u[:, 0] + jitter, step().y, TS)
+    assert setid.advise(slightly).settling_time == setid.advise(step()).settling_time

@@ -135,6 +135,13 @@ def test_missing_readings_and_several_channels() -> None:
     assert online.verify()
 
 
+def test_structures_of_many_parameters_need_no_limit_of_their_own() -> None:
+    model = setid.TransferFunction(na=2, nb=2, nk=1, offset=True)
+    online = setid.Recursive(model, setid.Noise(equation=0.1))
+    assert online.limit == 4 * 5**2
+    assert setid.Recursive(MODEL, setid.Noise(equation=0.1)).limit == 60
+
+
 @pytest.mark.parametrize(
     ("make", "why"),
     [

@@ -144,3 +144,13 @@ def test_angles_of_a_rectangle_beyond_the_left_half_plane_are_all() -> None:
     assert angles_of(-2.0, -1.0, -1.0, 1.0) == (-np.pi, np.pi)
     low, high = angles_of(1.0, 2.0, -1.0, 1.0)
     assert low <= -np.pi / 4 and np.pi / 4 <= high < np.pi / 4 + 1e-12
+
+
+def test_results_hand_the_time_of_bands_on(result: setid.Identification) -> None:
+    whole = result.step(12, time_limit=5.0, all_time=True, tolerance=0.2)
+    assert np.all(np.isfinite(whole.later)) and not np.any(np.isfinite(result.step(4).later))
+    hurried = result.step(12, time_limit=0.0)
+    assert hurried.report is not None and hurried.report.cells == 1
+    assert np.all(hurried.low <= whole.nominal) and np.all(whole.nominal <= hurried.high)
+    outputs = result.simulate(time_limit=0.0)
+    assert all(report.cells == 1 for report in outputs.reports)

@@ -22,6 +22,8 @@ def report(verdict: str, **other: float) -> BandReport:
 
 def test_reports_say_why_a_band_is_wide_or_infinite() -> None:
     assert "at most 1.1 times the attained one (5 of 9 cells" in report("tight").text
+    assert "more time for identify" not in report("tight").text
+    assert "more time for identify" in report("tight", ratio=28.0).text
     assert "time is over" in report("wide", ratio=4.0).text
     assert "pole of radius 1.02" in report("wide", pole_radius=1.02).text
     assert "a member is unstable" in report("unstable", pole_radius=1.02).text

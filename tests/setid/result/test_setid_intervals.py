@@ -85,9 +85,11 @@ DELEGATED = {
 def test_methods_take_what_their_functions_take(name: str) -> None:
     method = inspect.signature(getattr(setid.Identification, name)).parameters
     function = inspect.signature(DELEGATED[name]).parameters
-    given = {key: (p.default, p.kind) for key, p in list(method.items())[1:]}
-    taken = {key: (p.default, p.kind) for key, p in list(function.items())[1 : len(method)]}
-    assert list(given.items()) == list(taken.items())
+    later = {key: p.default for key, p in method.items() if p.kind is p.KEYWORD_ONLY}
+    given = [(k, p.default, p.kind) for k, p in method.items() if k not in later][1:]
+    taken = [(k, p.default, p.kind) for k, p in function.items()][1:]
+    assert given == taken[: len(given)]
+    assert later == {key: function[key].default for key in later}
     settings = {"samples", "seed", "options", "tolerance", "time_limit", "all_time", "executor"}
     assert set(function) - set(method) - {"result"} <= settings
 
