@@ -99,7 +99,7 @@ class AdaptiveSearch:
     rate: float | None = None
     linear_bound: float = -np.inf
     more_starts: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
-    solved: set[int] = field(default_factory=set)
+    solved: set[bytes] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
     least_cutoff: float = np.inf
     point: NDArray[np.float64] | None = None

@@ -1,0 +1,239 @@
+"""Turns of objectives over one feasible set, in this process or in others.
+
+Turns of different objectives need nothing of each other while they last: what one proves helps
+those that begin after it. So as many run at a time as there are workers. A turn takes the
+search of its objective to another process and brings it back
+(:mod:`~sparsepop_py.executors.references`); what all objectives share stays here.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
+from sparsepop_py.budget import EARLY, Deadline, LimitReached
+from sparsepop_py.executors.references import Packet, References, received
+from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.hierarchy import CostModel
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.working_set import WorkingSetSearch
+
+__all__ = ["Turn", "TurnsApart"]
+
+_PATIENCE = 0.2  # of what was left at the beginning: turns may end so much after the deadline
+
+
+@dataclass(eq=False)
+class Turn:
+    """A turn of one objective: a few steps on a box. Mutable.
+
+    Parameters
+    ----------
+    auto : AdaptiveSearch
+    working_set : WorkingSetSearch or None
+        The search on a working set of constraints, where these serve.
+    model : Model
+        The shared box and its proof.
+    most : int
+        Steps at most.
+    """
+
+    auto: AdaptiveSearch
+    working_set: WorkingSetSearch | None
+    model: Model
+    most: int
+
+    def take(self) -> None:
+        """Take steps until one leaves more than a share of the gap."""
+        auto = self.auto
+        auto.restart(self.model)
+        for _ in range(self.most):
+            gap = auto.context.upper - auto.bound
+            if self.working_set is None or not self.working_set.step():
+                auto.run(1)
+            if auto.over or not auto.context.upper - auto.bound < STRATEGY.worth_turn * gap:
+                break
+
+
+@dataclass(frozen=True)
+class _News:
+    """What a turn in another process changed in the objects that are shared.
+
+    Parameters
+    ----------
+    learned : tuple of list
+        What each cost model recorded.
+    estimates : dict
+        Expected seconds of relaxations.
+    seconds : dict
+        CPU seconds by stage.
+    notes : list of str
+    searched : float
+        Seconds of local searches.
+    cpu : float
+        CPU seconds of the turn.
+    cut : bool
+        Whether something would have taken too long.
+    """
+
+    learned: tuple[list[tuple[str, float, float]], ...]
+    paces: tuple[float, ...]
+    estimates: dict[str, float]
+    seconds: dict[str, float]
+    notes: list[str]
+    searched: float
+    cpu: float
+    cut: bool
+
+
+_Live = tuple[SharedState, tuple[CostModel, ...], Deadline, Stages]
+
+
+@dataclass(eq=False)
+class TurnsApart:
+    """Turns in other processes. Mutable.
+
+    Parameters
+    ----------
+    executor : Executor
+    shared_state : SharedState
+    costs : tuple of CostModel
+        All cost models that turns learn from.
+    deadline : Deadline
+    references : References
+    failure : str
+        What the executor failed with; empty where it did not.
+    """
+
+    executor: Executor
+    shared_state: SharedState
+    costs: tuple[CostModel, ...]
+    deadline: Deadline
+    references: References = field(default_factory=References)
+    failure: str = ""
+    running: dict[Future[bytes], tuple[int, Turn]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        left = self.deadline.left
+        self._end = None if left is None else time.monotonic() + (1.0 + _PATIENCE) * left
+        self.references.keep(self.shared_state.products, self.shared_state.cliques)
+
+    @property
+    def objectives(self) -> set[int]:
+        """Numbers of the objectives whose turns run."""
+        return {number for number, _ in self.running.values()}
+
+    def begin(self, number: int, turn: Turn) -> None:
+        """Hand a turn of an objective to a worker."""
+        auto = turn.auto
+        whole = auto.outcome
+        auto.outcome, auto.last = _without_output(whole), None
+        try:
+            packet = self.references.packed(
+                (turn, auto.context.stages.searched), self._live(auto.context.stages)
+            )
+            self.running[self.executor.submit(_in_worker, packet)] = number, turn
+        except Exception as error:
+            self._fail(error)
+        finally:
+            auto.outcome = whole
+
+    def finished(self) -> list[tuple[int, Turn]]:
+        """Wait for turns to end; list them with the numbers of their objectives.
+
+        Raises
+        ------
+        LimitReached
+            If the deadline ends the work first.
+        """
+        left = None if self._end is None else max(0.0, self._end - time.monotonic())
+        done, _ = wait(self.running, left, FIRST_COMPLETED)
+        if not done:
+            raise LimitReached
+        found = []
+        for job in done:
+            number, old = self.running.pop(job)
+            # executors of other packages raise exceptions that share no base below Exception
+            try:
+                answer = job.result()
+            except Exception as error:
+                self._fail(error)
+                continue
+            found.append((number, self._returned(old, answer)))
+        return found
+
+    def close(self) -> None:
+        """Cancel the turns that did not begin."""
+        for job in self.running:
+            job.cancel()
+        self.running.clear()
+
+    def _live(self, stages: Stages) -> list[Any]:
+        return [self.shared_state, self.deadline, stages, *self.costs]
+
+    def _returned(self, old: Turn, answer: bytes) -> Turn:
+        """Unpack a turn and take over its news."""
+        stages = old.auto.context.stages
+        turn, news = self.references.unpacked(answer, self._live(stages))
+        for costs, learned, pace in zip(self.costs, news.learned, news.paces, strict=True):
+            for record in learned:
+                costs.learn(*record)
+            costs.pace = pace
+        self.shared_state.estimates.update(news.estimates)
+        for name, seconds in news.seconds.items():
+            stages.seconds[name] = stages.seconds.get(name, 0.0) + seconds
+        for note in news.notes:
+            stages.note(note)
+        stages.searched += news.searched
+        self.deadline.charge(news.cpu)
+        self.deadline.cut |= news.cut
+        found: Turn = turn
+        if found.auto.outcome.relaxation is None:  # nothing was solved
+            before = old.auto.outcome
+            found.auto.outcome = replace(
+                found.auto.outcome, relaxation=before.relaxation, solution=before.solution
+            )
+        return found
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = f"{type(error).__name__}: {error}".rstrip(": ")
+
+
+def _without_output(outcome: CertifiedBound) -> CertifiedBound:
+    """Leave out what a solver said: no search looks at it again."""
+    return replace(outcome, relaxation=None, solution=None)
+
+
+def _in_worker(packet: Packet) -> bytes:
+    """Take a turn in another process, within the limits."""
+    start = time.process_time()
+    there = received(packet)
+    turn, searched = there.value
+    shared, deadline, stages, *costs = there.live
+    stages.searched = searched
+    for each in costs:
+        each.learned.clear()
+    try:
+        with deadline.kept():
+            turn.take()
+    except EARLY:  # what is proved so far is kept
+        pass
+    turn.auto.last = None
+    news = _News(
+        tuple(each.learned for each in costs),
+        tuple(each.pace for each in costs),
+        shared.estimates,
+        stages.seconds,
+        stages.notes,
+        stages.searched - searched,
+        time.process_time() - start,
+        deadline.cut,
+    )
+    return there.answer((turn, news))
