@@ -126,6 +126,11 @@ class AdaptiveSearch:
         """True if the gap is closed or time is over."""
         return self.context.closed(self.bound) or self.context.deadline.over
 
+    @property
+    def left(self) -> float:
+        """The gap that is left, in gaps that count as closed."""
+        return self._gap / max(self.context.allowed, 1e-300)
+
     def run(self, most: int | None = None) -> None:
         """Improve the bound while the gap is open and something is left to try.
 

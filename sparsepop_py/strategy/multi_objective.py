@@ -24,23 +24,22 @@ from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.executors.dispatch import workers_of
-from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
-from sparsepop_py.local_search.slp import violated_rows
+from sparsepop_py.local_search.incumbents import adopt_points, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.settings import STRATEGY
-from sparsepop_py.strategy.shared_state import SharedState, branching
-from sparsepop_py.strategy.turns import Turn, TurnsApart
+from sparsepop_py.strategy.shared_box import tighten_for_all
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.turns import Turn, TurnsApart, searched, searched_apart
 from sparsepop_py.strategy.working_set import WorkingSetSearch, suits
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.tightening.mccormick import coordinate_of
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -48,7 +47,7 @@ from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "width_between"]
 
 
 @dataclass(eq=False)
@@ -167,14 +166,15 @@ class MultiObjectiveSearch:
             self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
-        for auto in self.searches if several else self.searches[:1]:
-            auto.context = adopt_points(auto.context, self.points)
-            for start in starts:
-                auto.context, found = update_incumbent(auto.context, [start])
-                auto.candidates = [*auto.candidates, *found]
-                if several and auto.context.best is not None:
-                    break  # moments of relaxations are better starts than the others
-            best = auto.context.best
+        chosen = self.searches if several else self.searches[:1]
+        contexts = [auto.context for auto in chosen]
+        if several and self._parallel:
+            found = searched_apart(self.options.executor, contexts, starts, self.points)
+        else:
+            found = searched(contexts, starts, self.points, several)
+        for auto, (context, candidates) in zip(chosen, found, strict=True):
+            auto.context, auto.candidates = context, [*auto.candidates, *candidates]
+            best = context.best
             if best is not None and all(best is not known for known in self.points):
                 self.points.append(best)
         self._share_points(self.points)
@@ -241,7 +241,7 @@ class MultiObjectiveSearch:
         try:
             while not self.over and not apart.failure:
                 ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
-                ready.sort(key=taken.__getitem__)
+                ready.sort(key=lambda i: (taken[i], -self.searches[i].left if taken[i] else 0.0))
                 for index in ready[: workers_of(self.options.executor) - len(apart.running)]:
                     last[index] = self.model, self.searches[index].context.best
                     apart.begin(index, self._turn(index, STRATEGY.turn if taken[index] else 1))
@@ -371,92 +371,6 @@ def width_between(upper: float, other: float, options: Options) -> float:
     """
     rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
-
-
-def tighten_for_all(
-    problem: Problem,
-    objectives: Sequence[Polynomial],
-    model: Model,
-    options: Options,
-    deadline: Deadline,
-) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Tighten the branching variables and the objectives' variables without a cutoff.
-
-    Parameters
-    ----------
-    problem : Problem
-    objectives : sequence of Polynomial
-    model : Model
-        The box and its proof, without cutoffs.
-    options : Options
-    deadline : Deadline
-
-    Returns
-    -------
-    model : Model
-        The tightened box and its proof.
-    active : (m,) bool or None
-        Constraints that were enough for these linear programs; None: all.
-    """
-    if is_empty(model.box):
-        return model, None
-    products = Products.of(problem, objectives)
-    targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
-    variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= STRATEGY.most_shared_variables:
-        return model, None
-    return _obbt_rounds(problem, model, variables, options, products, deadline)
-
-
-def _obbt_rounds(
-    problem: Problem,
-    model: Model,
-    variables: tuple[int, ...],
-    options: Options,
-    products: Products,
-    deadline: Deadline,
-) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Run rounds of OBBT by linear programs while they gain.
-
-    Where few variables complicate many constraints, the programs start from a sample of the
-    constraints (any choice is valid). Constraints that a solution violates whatever the other
-    variables are come in before the next round.
-    """
-    replay = Replay(problem, None)
-    cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
-    held = np.array(products.complicating, np.int64)
-    active: NDArray[np.bool_] | None = None
-    if products.has_star and problem.rows.size > STRATEGY.window:
-        active = np.zeros(problem.rows.size, bool)
-        active[np.linspace(0, problem.rows.size - 1, STRATEGY.window).astype(int)] = True
-    steps, box = list(model.proof.steps), model.box
-    for _ in range(
-        STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
-    ):
-        mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
-        seen: list[NDArray[Any]] = []
-        smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
-        if step is not None and is_empty(smaller):
-            break
-        gained = False
-        if step is not None:
-            steps.append(step)
-            chosen = list(variables)
-            old, new = box.width()[chosen], smaller.width()[chosen]
-            gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
-        if active is not None:
-            missing = [violated_rows(problem, x, held) for x in seen]
-            wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
-            gained |= not np.all(active[wanted])
-            active[wanted] = True
-        if not gained or deadline.over:
-            break
-    if steps[len(model.proof.steps) :]:
-        again, sweeps = tighten(replay, box, 1)
-        if shrinks(box, again):
-            box = again
-            steps.append(sweeps)
-    return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
 def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:

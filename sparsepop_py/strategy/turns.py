@@ -8,24 +8,31 @@ search of its objective to another process and brings it back
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
+from sparsepop_py.branch_and_bound.workers import Timed, run_on, timed
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
+from sparsepop_py.context import SolveContext
+from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.references import Packet, References, received
+from sparsepop_py.local_search.incumbents import adopt_points, update_incumbent
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.strategy.working_set import WorkingSetSearch
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Turn", "TurnsApart"]
+__all__ = ["Turn", "TurnsApart", "searched", "searched_apart"]
 
 _PATIENCE = 0.2  # of what was left at the beginning: turns may end so much after the deadline
 
@@ -70,6 +77,8 @@ class _News:
     ----------
     learned : tuple of list
         What each cost model recorded.
+    paces : tuple of float
+        Their ratios of measured to estimated seconds.
     estimates : dict
         Expected seconds of relaxations.
     seconds : dict
@@ -77,8 +86,6 @@ class _News:
     notes : list of str
     searched : float
         Seconds of local searches.
-    cpu : float
-        CPU seconds of the turn.
     cut : bool
         Whether something would have taken too long.
     """
@@ -89,11 +96,7 @@ class _News:
     seconds: dict[str, float]
     notes: list[str]
     searched: float
-    cpu: float
     cut: bool
-
-
-_Live = tuple[SharedState, tuple[CostModel, ...], Deadline, Stages]
 
 
 @dataclass(eq=False)
@@ -118,7 +121,7 @@ class TurnsApart:
     deadline: Deadline
     references: References = field(default_factory=References)
     failure: str = ""
-    running: dict[Future[bytes], tuple[int, Turn]] = field(default_factory=dict)
+    running: dict[Future[Timed[bytes]], tuple[int, Turn]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         left = self.deadline.left
@@ -139,7 +142,7 @@ class TurnsApart:
             packet = self.references.packed(
                 (turn, auto.context.stages.searched), self._live(auto.context.stages)
             )
-            self.running[self.executor.submit(_in_worker, packet)] = number, turn
+            self.running[self.executor.submit(timed, _in_worker, packet)] = number, turn
         except Exception as error:
             self._fail(error)
         finally:
@@ -162,7 +165,7 @@ class TurnsApart:
             number, old = self.running.pop(job)
             # executors of other packages raise exceptions that share no base below Exception
             try:
-                answer = job.result()
+                answer = job.result().counted(self.deadline)
             except Exception as error:
                 self._fail(error)
                 continue
@@ -187,12 +190,7 @@ class TurnsApart:
                 costs.learn(*record)
             costs.pace = pace
         self.shared_state.estimates.update(news.estimates)
-        for name, seconds in news.seconds.items():
-            stages.seconds[name] = stages.seconds.get(name, 0.0) + seconds
-        for note in news.notes:
-            stages.note(note)
-        stages.searched += news.searched
-        self.deadline.charge(news.cpu)
+        stages.include(news.seconds, news.notes, news.searched)
         self.deadline.cut |= news.cut
         found: Turn = turn
         if found.auto.outcome.relaxation is None:  # nothing was solved
@@ -213,7 +211,6 @@ def _without_output(outcome: CertifiedBound) -> CertifiedBound:
 
 def _in_worker(packet: Packet) -> bytes:
     """Take a turn in another process, within the limits."""
-    start = time.process_time()
     there = received(packet)
     turn, searched = there.value
     shared, deadline, stages, *costs = there.live
@@ -233,7 +230,77 @@ def _in_worker(packet: Packet) -> bytes:
         stages.seconds,
         stages.notes,
         stages.searched - searched,
-        time.process_time() - start,
         deadline.cut,
     )
     return there.answer((turn, news))
+
+
+# ---- first searches -----------------------------------------------------------------------------
+
+_Vectors = list[NDArray[np.float64]]
+
+
+def searched(
+    contexts: Sequence[SolveContext], starts: _Vectors, points: list[ProvedPoint], first: bool
+) -> Iterator[tuple[SolveContext, _Vectors]]:
+    """Run local searches for one objective after the other, and yield what is found.
+
+    Parameters
+    ----------
+    contexts : sequence of SolveContext
+    starts : list of (n,) float
+    points : list of ProvedPoint
+        Those known at the time are tried on each objective.
+    first : bool
+        Whether the first start that leads to a point ends the search.
+    """
+    for context in contexts:
+        context, candidates = adopt_points(context, points), _Vectors()
+        for start in starts:
+            context, found = update_incumbent(context, [start])
+            candidates += found
+            if first and context.best is not None:
+                break  # moments of relaxations are better starts than the others
+        yield context, candidates
+
+
+def searched_apart(
+    executor: Executor,
+    contexts: Sequence[SolveContext],
+    starts: _Vectors,
+    points: list[ProvedPoint],
+) -> Iterator[tuple[SolveContext, _Vectors]]:
+    """Do the same in other processes, each for a part of the objectives."""
+    count = min(workers_of(executor), len(contexts))
+    parts = [list(contexts[k::count]) for k in range(count)]
+    answers, _ = run_on(
+        executor, _searched_in_worker, [(p, starts, points) for p in parts], contexts[0].deadline
+    )
+    for number, context in enumerate(contexts):
+        answer = answers[number % count]
+        if answer is None or number // count >= len(answer):
+            yield context, []  # lost: relaxations bring starts
+            continue
+        best, candidates, seconds, searched = answer[number // count]
+        context.stages.include(seconds, (), searched)
+        yield replace(context, best=best), candidates
+
+
+_Searched = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
+
+
+def _searched_in_worker(
+    contexts: list[SolveContext], starts: _Vectors, points: list[ProvedPoint]
+) -> list[_Searched]:
+    found = list[_Searched]()
+    known = list(points)
+    try:
+        with contexts[0].deadline.kept():
+            for context, candidates in searched(contexts, starts, known, True):
+                best, stages = context.best, context.stages
+                found.append((best, candidates, stages.seconds, stages.searched))
+                if best is not None:
+                    known.append(best)
+    except EARLY:
+        pass
+    return found
