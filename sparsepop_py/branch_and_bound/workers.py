@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.solvers.threads import one_thread
 
 __all__ = ["Timed", "run_on", "timed"]
 
@@ -86,8 +87,9 @@ class Timed(Generic[Result]):
         return self.value
 
 
+@one_thread
 def timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
-    """Do a task and time it."""
+    """Do a task with one BLAS thread, so that other workers have their cores, and time it."""
     start = time.process_time()
     found = work(*arguments)
     return Timed(found, os.getpid(), time.process_time() - start)

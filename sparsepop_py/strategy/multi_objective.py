@@ -168,8 +168,9 @@ class MultiObjectiveSearch:
         several = self.shared_state.products.has_star  # then a local search costs little
         chosen = self.searches if several else self.searches[:1]
         contexts = [auto.context for auto in chosen]
-        if several and self._parallel:
-            found = searched_apart(self.options.executor, contexts, starts, self.points)
+        executor = self.options.executor
+        if several and self._parallel and executor is not None:
+            found = searched_apart(executor, contexts, starts, self.points)
         else:
             found = searched(contexts, starts, self.points, several)
         for auto, (context, candidates) in zip(chosen, found, strict=True):
