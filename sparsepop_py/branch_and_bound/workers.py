@@ -89,7 +89,7 @@ class Timed(Generic[Result]):
 
 @one_thread
 def timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
-    """Do a task with one BLAS thread, so that other workers have their cores, and time it."""
+    """Do a task with one BLAS thread, which leaves other workers their cores."""
     start = time.process_time()
     found = work(*arguments)
     return Timed(found, os.getpid(), time.process_time() - start)

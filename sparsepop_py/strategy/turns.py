@@ -1,4 +1,4 @@
-"""Turns of objectives over one feasible set, in this process or in others.
+"""Take turns of objectives over one feasible set, here or in other processes.
 
 Turns of different objectives need nothing of each other while they last: what one proves helps
 those that begin after it. So as many run at a time as there are workers. A turn takes the
@@ -71,7 +71,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class _News:
-    """What a turn in another process changed in the objects that are shared.
+    """Changes that a turn in another process made to what is shared.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def searched_apart(
     starts: _Vectors,
     points: list[ProvedPoint],
 ) -> Iterator[tuple[SolveContext, _Vectors]]:
-    """Do the same in other processes, each for a part of the objectives."""
+    """Run local searches in other processes, each for a part of the objectives."""
     count = min(workers_of(executor), len(contexts))
     parts = [list(contexts[k::count]) for k in range(count)]
     answers, _ = run_on(
