@@ -130,7 +130,7 @@ def identify(
         change and at the next stage after two seconds; ends are infinite where there is none.
         Where it raises ``KeyboardInterrupt``, what is proved is returned.
     executor : concurrent.futures.Executor, optional
-        Processes the nodes of branch and bound, as ``options.engine.executor`` does.
+        Bounds several ends at a time, as ``options.engine.executor`` does.
 
     Returns
     -------

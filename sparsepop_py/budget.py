@@ -140,6 +140,10 @@ class Deadline:
         self.stopped = False
         self.cut = False  # something was not begun since it would have taken too long
 
+    def charge(self, seconds: float) -> None:
+        """Count CPU seconds that another process spent on this work."""
+        self._begin_cpu -= seconds
+
     def stop(self) -> None:
         """End now: the user interrupted."""
         self.stopped = True

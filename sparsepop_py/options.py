@@ -116,8 +116,8 @@ class Options:
     node_limit : int, optional
         Most nodes that branch and bound processes; 0 switches it off.
     executor : concurrent.futures.Executor, optional
-        Processes the nodes of branch and bound. Where it breaks, they are processed here, with a
-        note. It is not pickled with the options.
+        Processes the nodes of branch and bound, and the objectives of ``solve_each``. Where it
+        breaks, they are processed here, with a note. It is not pickled with the options.
     skip : sequence of str, optional
         Steps of effort ``"auto"`` to leave out, for comparisons: relaxations by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques

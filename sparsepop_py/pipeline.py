@@ -200,7 +200,7 @@ def solve_each(
         Called with an objective's number, its proved and its attained value so far, as by
         :func:`solve`.
     executor : concurrent.futures.Executor, optional
-        With effort ``"auto"``: processes the nodes of branch and bound, as ``options.executor``
+        With effort ``"auto"``: takes turns of several objectives at a time, as ``options.executor``
         does. With other efforts, unless gaps are widths: solves each objective as a task of its
         own, as :func:`solve` does; bounds then do not depend on the number of workers.
 

@@ -11,7 +11,7 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -194,6 +194,23 @@ class Stages:
         if text not in self.notes:
             self.notes.append(text)
             _LOG.log(level, text)
+
+    def include(self, seconds: Mapping[str, float], notes: Sequence[str], searched: float) -> None:
+        """Add what another process spent and left here.
+
+        Parameters
+        ----------
+        seconds : mapping
+            CPU seconds by stage.
+        notes : sequence of str
+        searched : float
+            CPU seconds, or work, of local searches.
+        """
+        for name, spent in seconds.items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + spent
+        for text in notes:
+            self.note(text)
+        self.searched += searched
 
     def close(self) -> None:
         """Erase the line."""

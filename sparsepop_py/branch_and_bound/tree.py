@@ -102,6 +102,27 @@ class Search:
         self._root = _OpenNode(self.box, proved, argument, empty)
         self._push(self._root)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """List the nodes, so that pickling a deep tree does not recurse."""
+        nodes, stack = list[_OpenNode](), [self._root]
+        while stack:
+            nodes.append(stack.pop())
+            stack.extend(nodes[-1].children)
+        place = {id(node): k for k, node in enumerate(nodes)}
+        rows = [
+            node.__dict__ | {"children": [place[id(c)] for c in node.children]} for node in nodes
+        ]
+        heap = [(bound, count, place[id(node)]) for bound, count, node in self._heap]
+        return self.__dict__ | {"_root": rows, "_heap": heap}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Rebuild the tree."""
+        nodes = [_OpenNode(**row) for row in state["_root"]]
+        for node in nodes:
+            node.children = [nodes[k] for k in node.children]  # type: ignore[call-overload]
+        heap = [(bound, count, nodes[k]) for bound, count, k in state["_heap"]]
+        self.__dict__.update(state, _root=nodes[0], _heap=heap)
+
     def _push(self, node: _OpenNode) -> None:
         self.count += 1
         heapq.heappush(self._heap, (node.proved.bound, self.count, node))

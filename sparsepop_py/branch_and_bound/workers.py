@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.solvers.threads import one_thread
 
-__all__ = ["run_on"]
+__all__ = ["Timed", "run_on", "timed"]
 
 _PATIENCE = 0.2  # of what was left when the tasks began: they may end so much after the deadline
 
@@ -47,12 +50,13 @@ def run_on(
     found: list[Result | None] = [None] * len(tasks)
     left, failure = deadline.left, ""
     end = None if left is None else time.monotonic() + (1.0 + _PATIENCE) * left
-    jobs: list[Future[Result]] = []
+    jobs: list[Future[Timed[Result]]] = []
     try:
         for task in tasks:
-            jobs.append(executor.submit(work, *task))
+            jobs.append(executor.submit(timed, work, *task))
         for place, job in enumerate(jobs):
-            found[place] = job.result(None if end is None else max(0.0, end - time.monotonic()))
+            made = job.result(None if end is None else max(0.0, end - time.monotonic()))
+            found[place] = made.counted(deadline)
     except LimitReached:
         raise
     # Executors of other packages (Dask, Ray, MPI) raise exceptions that share no base below
@@ -61,15 +65,41 @@ def run_on(
         if isinstance(error, TimeoutError) and end is not None and time.monotonic() >= end:
             raise LimitReached from None
         failure = f"{type(error).__name__}: {error}".rstrip(": ")
-        _collect(jobs, found)
+        _collect(jobs, found, deadline)
     finally:
         for job in jobs:
             job.cancel()
     return found, failure
 
 
-def _collect(jobs: list[Future[Result]], found: list[Result | None]) -> None:
+@dataclass(frozen=True, eq=False)
+class Timed(Generic[Result]):
+    """Result of a task with the process that did it and its CPU seconds."""
+
+    value: Result
+    process: int
+    seconds: float
+
+    def counted(self, deadline: Deadline) -> Result:
+        """Charge the seconds of another process to a deadline; return the result."""
+        if self.process != os.getpid():
+            deadline.charge(self.seconds)
+        return self.value
+
+
+@one_thread
+def timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
+    """Do a task with one BLAS thread, which leaves other workers their cores."""
+    start = time.process_time()
+    found = work(*arguments)
+    return Timed(found, os.getpid(), time.process_time() - start)
+
+
+def _collect(
+    jobs: list[Future[Timed[Result]]], found: list[Result | None], deadline: Deadline
+) -> None:
     """Take the results that other jobs have brought already."""
     for place, job in enumerate(jobs):
-        if job.done() and not job.cancelled() and job.exception() is None:
-            found[place] = job.result()
+        new = found[place] is None and job.done() and not job.cancelled()
+        if new and job.exception() is None:
+            found[place] = job.result().counted(deadline)

@@ -19,11 +19,12 @@ from typing import Any, Generic, TypeVar
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.executors.processes import Processes
 
-__all__ = ["Done", "completed", "map_in_order", "opened"]
+__all__ = ["Done", "completed", "map_in_order", "opened", "workers_of"]
 
 Key = TypeVar("Key")
 T = TypeVar("T")
 
+_GUESSED_WORKERS = 8
 _LOST_MODULES = ("distributed", "mpi4py")  # whose own exceptions mean lost workers
 
 
@@ -75,6 +76,23 @@ def opened(workers: int | None, executor: Executor | None) -> Iterator[Executor 
     else:
         with Processes(workers) as pool:
             yield pool
+
+
+def workers_of(executor: Executor | None) -> int:
+    """Return the number of workers of an executor, a guess where it does not say.
+
+    Parameters
+    ----------
+    executor : Executor or None
+        None: no workers.
+    """
+    if executor is None:
+        return 0
+    for name in ("workers", "_max_workers"):
+        count = getattr(executor, name, None)
+        if isinstance(count, int):
+            return count
+    return _GUESSED_WORKERS
 
 
 def map_in_order(

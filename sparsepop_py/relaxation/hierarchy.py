@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import blake2b
 from math import comb
 from typing import Any, Protocol
 
@@ -242,11 +243,14 @@ class CostModel:
         Worth of the progress by name, between 0 and 1.
     pace : float
         Ratio of measured to estimated seconds.
+    learned : list of (str, float, float)
+        What was recorded, for the same model in another process.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     progress: dict[str, float] = field(default_factory=dict)
     pace: float = 1.0
+    learned: list[tuple[str, float, float]] = field(default_factory=list)
 
     def learn(self, name: str, progress: float, seconds: float) -> None:
         """Record progress and seconds of a relaxation; older records fade.
@@ -254,6 +258,7 @@ class CostModel:
         A closed gap counts more than progress: it saves the stronger relaxations. Less time
         than before counts at once, since what was analysed the first time is remembered.
         """
+        self.learned.append((name, progress, seconds))
         worth = HIERARCHY.closed * (progress >= 1.0) + (1.0 - HIERARCHY.closed) * progress
         for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
@@ -445,14 +450,16 @@ def progress(before: float, after: float, allowed: float) -> float:
     return float(np.clip(np.log(max(before, allowed) / after) / whole, 0.0, 1.0))
 
 
-def hashed(relaxation: Relaxation, box: Interval) -> int:
-    """Hash a relaxation on a box: equal for equal relaxations.
+def hashed(relaxation: Relaxation, box: Interval) -> bytes:
+    """Hash a relaxation on a box: equal for equal relaxations, in any process.
 
     Chordal terms, for instance, need not make a relaxation smaller.
     """
     rows = relaxation.entries
-    arrays = (box.lo, box.hi, relaxation.moments, rows.indptr, rows.indices, rows.data)
-    return hash(tuple(array.tobytes() for array in arrays))
+    found = blake2b(digest_size=16)
+    for array in (box.lo, box.hi, relaxation.moments, rows.indptr, rows.indices, rows.data):
+        found.update(array.tobytes())
+    return found.digest()
 
 
 def _full_sizes(spec: RelaxationSpec, problem: Problem, cliques: Cliques) -> dict[int, float]:

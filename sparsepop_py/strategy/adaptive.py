@@ -99,7 +99,7 @@ class AdaptiveSearch:
     rate: float | None = None
     linear_bound: float = -np.inf
     more_starts: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
-    solved: set[int] = field(default_factory=set)
+    solved: set[bytes] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
     least_cutoff: float = np.inf
     point: NDArray[np.float64] | None = None
@@ -125,6 +125,11 @@ class AdaptiveSearch:
     def over(self) -> bool:
         """True if the gap is closed or time is over."""
         return self.context.closed(self.bound) or self.context.deadline.over
+
+    @property
+    def left(self) -> float:
+        """The gap that is left, in gaps that count as closed."""
+        return self._gap / max(self.context.allowed, 1e-300)
 
     def run(self, most: int | None = None) -> None:
         """Improve the bound while the gap is open and something is left to try.

@@ -10,6 +10,8 @@ point is tried on all objectives. Cutoffs stay with their objective.
 
 from __future__ import annotations
 
+import logging
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -21,22 +23,23 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
-from sparsepop_py.local_search.slp import violated_rows
+from sparsepop_py.executors.dispatch import workers_of
+from sparsepop_py.local_search.incumbents import adopt_points, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.settings import STRATEGY
-from sparsepop_py.strategy.shared_state import SharedState, branching
+from sparsepop_py.strategy.shared_box import tighten_for_all
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.turns import Turn, TurnsApart, searched, searched_apart
 from sparsepop_py.strategy.working_set import WorkingSetSearch, suits
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.tightening.mccormick import coordinate_of
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -44,7 +47,7 @@ from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "width_between"]
 
 
 @dataclass(eq=False)
@@ -87,6 +90,7 @@ class MultiObjectiveSearch:
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
     obbt_done: bool = False
+    repaired: _Repaired | None = None
 
     def run(self) -> list[SearchState]:
         """Search until every gap is closed, nothing is left to try or time is over.
@@ -99,6 +103,8 @@ class MultiObjectiveSearch:
         self._begin()
         try:
             self._first_points()
+            if self._parallel:
+                self._turns_apart()
             turn = 1  # every objective takes its cheapest step before costlier ones are tried
             while not self.over:
                 for index in range(len(self.searches)):
@@ -136,14 +142,14 @@ class MultiObjectiveSearch:
                 self._tighten()
             except EARLY as cause:
                 self.deadline.ended(cause)  # the box is kept as it was
-        repair = None if self.repair is None else _remembered(self.repair)
+        self.repaired = None if self.repair is None else _Repaired(self.repair)
         for number, objective in enumerate(self.objectives):
             context = SolveContext(
                 self.problem.with_objective(objective),
                 self.options,
                 self.stages.of_objective(number),
                 self.deadline,
-                repair=repair,
+                repair=self.repaired,
                 objectives=len(self.objectives),
             )
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
@@ -160,14 +166,16 @@ class MultiObjectiveSearch:
             self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
-        for auto in self.searches if several else self.searches[:1]:
-            auto.context = adopt_points(auto.context, self.points)
-            for start in starts:
-                auto.context, found = update_incumbent(auto.context, [start])
-                auto.candidates = [*auto.candidates, *found]
-                if several and auto.context.best is not None:
-                    break  # moments of relaxations are better starts than the others
-            best = auto.context.best
+        chosen = self.searches if several else self.searches[:1]
+        contexts = [auto.context for auto in chosen]
+        executor = self.options.executor
+        if several and self._parallel and executor is not None:
+            found = searched_apart(executor, contexts, starts, self.points)
+        else:
+            found = searched(contexts, starts, self.points, several)
+        for auto, (context, candidates) in zip(chosen, found, strict=True):
+            auto.context, auto.candidates = context, [*auto.candidates, *candidates]
+            best = context.best
             if best is not None and all(best is not known for known in self.points):
                 self.points.append(best)
         self._share_points(self.points)
@@ -189,16 +197,18 @@ class MultiObjectiveSearch:
 
         Costs and progress learned in the first turns guide the turns after them.
         """
-        auto = self.searches[index]
-        if auto.over or self.deadline.over:
+        if self.searches[index].over or self.deadline.over:
             return
-        known = len(self.points)
-        auto.restart(self.model)
-        for _ in range(most):
-            gap = auto.context.upper - auto.bound
-            self._step(index)
-            if auto.over or not auto.context.upper - auto.bound < STRATEGY.worth_turn * gap:
-                break
+        self._turn(index, most).take()
+        self._share(index)
+
+    def _turn(self, index: int, most: int) -> Turn:
+        working_set = self.working_sets[index] if self.working_sets else None
+        return Turn(self.searches[index], working_set, self.model, most)
+
+    def _share(self, index: int) -> None:
+        """Let all objectives have what one has found and proved."""
+        auto, known = self.searches[index], len(self.points)
         if auto.context.best is not None and auto.context.best not in self.points:
             self.points.append(auto.context.best)
         self._share_points(self.points[known:])
@@ -207,10 +217,61 @@ class MultiObjectiveSearch:
             self._tighten()
         auto.context.report(auto.bound)
 
-    def _step(self, index: int) -> None:
-        """Take one step for one objective, on a working set of constraints where these serve."""
-        if not self.working_sets or not self.working_sets[index].step():
-            self.searches[index].run(1)
+    # ---- in other processes -------------------------------------------------------------------
+
+    @property
+    def _parallel(self) -> bool:
+        """True if turns of several objectives go to workers; counted work has to be repeatable."""
+        several = len(self.searches) > 1 and workers_of(self.options.executor) > 1
+        return several and not self.deadline.counts_work
+
+    def _turns_apart(self) -> None:
+        """Run turns on the executor until no objective can go on or the executor fails."""
+        assert self.options.executor is not None
+        costs = {id(each.costs): each.costs for each in self.working_sets}
+        costs |= {id(self.shared_state.cost_model): self.shared_state.cost_model}
+        apart = TurnsApart(
+            self.options.executor, self.shared_state, tuple(costs.values()), self.deadline
+        )
+        problems = (auto.context.problem for auto in self.searches)
+        apart.references.keep(
+            self.problem, *problems, self.options, self.repaired, *self.base.proof.steps
+        )
+        taken = [0] * len(self.searches)  # turns of each objective
+        last: dict[int, tuple[Any, ...]] = {}  # box and incumbent of its last turn
+        try:
+            while not self.over and not apart.failure:
+                ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
+                ready.sort(key=lambda i: (taken[i], -self.searches[i].left if taken[i] else 0.0))
+                for index in ready[: workers_of(self.options.executor) - len(apart.running)]:
+                    last[index] = self.model, self.searches[index].context.best
+                    apart.begin(index, self._turn(index, STRATEGY.turn if taken[index] else 1))
+                    taken[index] += 1
+                if not apart.running:
+                    break
+                for index, turn in apart.finished():
+                    self._returned(index, turn, apart)
+        finally:
+            apart.close()
+        if apart.failure:
+            text = f"the executor failed ({apart.failure}): objectives are bounded in this process"
+            self.searches[0].context.stages.note(text, logging.WARNING)
+
+    def _goes_on(self, index: int, apart: TurnsApart, last: dict[int, tuple[Any, ...]]) -> bool:
+        """Check that an objective has something left to try, and no turn under way."""
+        auto = self.searches[index]
+        if auto.over or index in apart.objectives:
+            return False
+        return not auto.exhausted or last[index] != (self.model, auto.context.best)
+
+    def _returned(self, index: int, turn: Turn, apart: TurnsApart) -> None:
+        """Take the search of an objective back from another process."""
+        turn.auto.context = adopt_points(turn.auto.context, self.points)
+        self.searches[index] = turn.auto
+        if turn.working_set is not None:
+            self.working_sets[index] = turn.working_set
+        self._share(index)
+        apart.references.keep(*self.model.proof.steps, *self.quoted.values())
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""
@@ -267,20 +328,30 @@ class MultiObjectiveSearch:
             self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=box)
 
 
-_Repair = Callable[[NDArray[Any]], NDArray[Any]]
+class _Repaired:
+    """Repairs each vector once: all objectives search from the same starts.
 
+    In another process vectors stay as they are where the repair does not pickle.
+    """
 
-def _remembered(repair: _Repair) -> _Repair:
-    """Repair each vector once: all objectives search from the same starts."""
-    known: dict[bytes, NDArray[Any]] = {}
+    def __init__(self, repair: Callable[[NDArray[Any]], NDArray[Any]] | None) -> None:
+        self._repair = repair
+        self._known: dict[bytes, NDArray[Any]] = {}
 
-    def once(x: NDArray[Any]) -> NDArray[Any]:
+    def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
+        """Repair a vector."""
         key = np.asarray(x, float).tobytes()
-        if key not in known:
-            known[key] = repair(x)
-        return known[key].copy()
+        if key not in self._known:
+            self._known[key] = x if self._repair is None else self._repair(x)
+        return self._known[key].copy()
 
-    return once
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process without what is known."""
+        try:
+            pickle.dumps(self._repair)
+        except (pickle.PicklingError, AttributeError, TypeError):
+            return _Repaired, (None,)
+        return _Repaired, (self._repair,)
 
 
 def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
@@ -301,92 +372,6 @@ def width_between(upper: float, other: float, options: Options) -> float:
     """
     rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
-
-
-def tighten_for_all(
-    problem: Problem,
-    objectives: Sequence[Polynomial],
-    model: Model,
-    options: Options,
-    deadline: Deadline,
-) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Tighten the branching variables and the objectives' variables without a cutoff.
-
-    Parameters
-    ----------
-    problem : Problem
-    objectives : sequence of Polynomial
-    model : Model
-        The box and its proof, without cutoffs.
-    options : Options
-    deadline : Deadline
-
-    Returns
-    -------
-    model : Model
-        The tightened box and its proof.
-    active : (m,) bool or None
-        Constraints that were enough for these linear programs; None: all.
-    """
-    if is_empty(model.box):
-        return model, None
-    products = Products.of(problem, objectives)
-    targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
-    variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= STRATEGY.most_shared_variables:
-        return model, None
-    return _obbt_rounds(problem, model, variables, options, products, deadline)
-
-
-def _obbt_rounds(
-    problem: Problem,
-    model: Model,
-    variables: tuple[int, ...],
-    options: Options,
-    products: Products,
-    deadline: Deadline,
-) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Run rounds of OBBT by linear programs while they gain.
-
-    Where few variables complicate many constraints, the programs start from a sample of the
-    constraints (any choice is valid). Constraints that a solution violates whatever the other
-    variables are come in before the next round.
-    """
-    replay = Replay(problem, None)
-    cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
-    held = np.array(products.complicating, np.int64)
-    active: NDArray[np.bool_] | None = None
-    if products.has_star and problem.rows.size > STRATEGY.window:
-        active = np.zeros(problem.rows.size, bool)
-        active[np.linspace(0, problem.rows.size - 1, STRATEGY.window).astype(int)] = True
-    steps, box = list(model.proof.steps), model.box
-    for _ in range(
-        STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
-    ):
-        mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
-        seen: list[NDArray[Any]] = []
-        smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
-        if step is not None and is_empty(smaller):
-            break
-        gained = False
-        if step is not None:
-            steps.append(step)
-            chosen = list(variables)
-            old, new = box.width()[chosen], smaller.width()[chosen]
-            gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
-        if active is not None:
-            missing = [violated_rows(problem, x, held) for x in seen]
-            wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
-            gained |= not np.all(active[wanted])
-            active[wanted] = True
-        if not gained or deadline.over:
-            break
-    if steps[len(model.proof.steps) :]:
-        again, sweeps = tighten(replay, box, 1)
-        if shrinks(box, again):
-            box = again
-            steps.append(sweeps)
-    return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
 def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:

@@ -1,0 +1,306 @@
+"""Take turns of objectives over one feasible set, here or in other processes.
+
+Turns of different objectives need nothing of each other while they last: what one proves helps
+those that begin after it. So as many run at a time as there are workers. A turn takes the
+search of its objective to another process and brings it back
+(:mod:`~sparsepop_py.executors.references`); what all objectives share stays here.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
+from sparsepop_py.branch_and_bound.workers import Timed, run_on, timed
+from sparsepop_py.budget import EARLY, Deadline, LimitReached
+from sparsepop_py.context import SolveContext
+from sparsepop_py.executors.dispatch import workers_of
+from sparsepop_py.executors.references import Packet, References, received
+from sparsepop_py.local_search.incumbents import adopt_points, update_incumbent
+from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.hierarchy import CostModel
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.working_set import WorkingSetSearch
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = ["Turn", "TurnsApart", "searched", "searched_apart"]
+
+_PATIENCE = 0.2  # of what was left at the beginning: turns may end so much after the deadline
+
+
+@dataclass(eq=False)
+class Turn:
+    """A turn of one objective: a few steps on a box. Mutable.
+
+    Parameters
+    ----------
+    auto : AdaptiveSearch
+    working_set : WorkingSetSearch or None
+        The search on a working set of constraints, where these serve.
+    model : Model
+        The shared box and its proof.
+    most : int
+        Steps at most.
+    """
+
+    auto: AdaptiveSearch
+    working_set: WorkingSetSearch | None
+    model: Model
+    most: int
+
+    def take(self) -> None:
+        """Take steps until one leaves more than a share of the gap."""
+        auto = self.auto
+        auto.restart(self.model)
+        for _ in range(self.most):
+            gap = auto.context.upper - auto.bound
+            if self.working_set is None or not self.working_set.step():
+                auto.run(1)
+            if auto.over or not auto.context.upper - auto.bound < STRATEGY.worth_turn * gap:
+                break
+
+
+@dataclass(frozen=True)
+class _News:
+    """Changes that a turn in another process made to what is shared.
+
+    Parameters
+    ----------
+    learned : tuple of list
+        What each cost model recorded.
+    paces : tuple of float
+        Their ratios of measured to estimated seconds.
+    estimates : dict
+        Expected seconds of relaxations.
+    seconds : dict
+        CPU seconds by stage.
+    notes : list of str
+    searched : float
+        Seconds of local searches.
+    cut : bool
+        Whether something would have taken too long.
+    """
+
+    learned: tuple[list[tuple[str, float, float]], ...]
+    paces: tuple[float, ...]
+    estimates: dict[str, float]
+    seconds: dict[str, float]
+    notes: list[str]
+    searched: float
+    cut: bool
+
+
+@dataclass(eq=False)
+class TurnsApart:
+    """Turns in other processes. Mutable.
+
+    Parameters
+    ----------
+    executor : Executor
+    shared_state : SharedState
+    costs : tuple of CostModel
+        All cost models that turns learn from.
+    deadline : Deadline
+    references : References
+    failure : str
+        What the executor failed with; empty where it did not.
+    """
+
+    executor: Executor
+    shared_state: SharedState
+    costs: tuple[CostModel, ...]
+    deadline: Deadline
+    references: References = field(default_factory=References)
+    failure: str = ""
+    running: dict[Future[Timed[bytes]], tuple[int, Turn]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        left = self.deadline.left
+        self._end = None if left is None else time.monotonic() + (1.0 + _PATIENCE) * left
+        self.references.keep(self.shared_state.products, self.shared_state.cliques)
+
+    @property
+    def objectives(self) -> set[int]:
+        """Numbers of the objectives whose turns run."""
+        return {number for number, _ in self.running.values()}
+
+    def begin(self, number: int, turn: Turn) -> None:
+        """Hand a turn of an objective to a worker."""
+        auto = turn.auto
+        whole = auto.outcome
+        auto.outcome, auto.last = _without_output(whole), None
+        try:
+            packet = self.references.packed(
+                (turn, auto.context.stages.searched), self._live(auto.context.stages)
+            )
+            self.running[self.executor.submit(timed, _in_worker, packet)] = number, turn
+        except Exception as error:
+            self._fail(error)
+        finally:
+            auto.outcome = whole
+
+    def finished(self) -> list[tuple[int, Turn]]:
+        """Wait for turns to end; list them with the numbers of their objectives.
+
+        Raises
+        ------
+        LimitReached
+            If the deadline ends the work first.
+        """
+        left = None if self._end is None else max(0.0, self._end - time.monotonic())
+        done, _ = wait(self.running, left, FIRST_COMPLETED)
+        if not done:
+            raise LimitReached
+        found = []
+        for job in done:
+            number, old = self.running.pop(job)
+            # executors of other packages raise exceptions that share no base below Exception
+            try:
+                answer = job.result().counted(self.deadline)
+            except Exception as error:
+                self._fail(error)
+                continue
+            found.append((number, self._returned(old, answer)))
+        return found
+
+    def close(self) -> None:
+        """Cancel the turns that did not begin."""
+        for job in self.running:
+            job.cancel()
+        self.running.clear()
+
+    def _live(self, stages: Stages) -> list[Any]:
+        return [self.shared_state, self.deadline, stages, *self.costs]
+
+    def _returned(self, old: Turn, answer: bytes) -> Turn:
+        """Unpack a turn and take over its news."""
+        stages = old.auto.context.stages
+        turn, news = self.references.unpacked(answer, self._live(stages))
+        for costs, learned, pace in zip(self.costs, news.learned, news.paces, strict=True):
+            for record in learned:
+                costs.learn(*record)
+            costs.pace = pace
+        self.shared_state.estimates.update(news.estimates)
+        stages.include(news.seconds, news.notes, news.searched)
+        self.deadline.cut |= news.cut
+        found: Turn = turn
+        if found.auto.outcome.relaxation is None:  # nothing was solved
+            before = old.auto.outcome
+            found.auto.outcome = replace(
+                found.auto.outcome, relaxation=before.relaxation, solution=before.solution
+            )
+        return found
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = f"{type(error).__name__}: {error}".rstrip(": ")
+
+
+def _without_output(outcome: CertifiedBound) -> CertifiedBound:
+    """Leave out what a solver said: no search looks at it again."""
+    return replace(outcome, relaxation=None, solution=None)
+
+
+def _in_worker(packet: Packet) -> bytes:
+    """Take a turn in another process, within the limits."""
+    there = received(packet)
+    turn, searched = there.value
+    shared, deadline, stages, *costs = there.live
+    stages.searched = searched
+    for each in costs:
+        each.learned.clear()
+    try:
+        with deadline.kept():
+            turn.take()
+    except EARLY:  # what is proved so far is kept
+        pass
+    turn.auto.last = None
+    news = _News(
+        tuple(each.learned for each in costs),
+        tuple(each.pace for each in costs),
+        shared.estimates,
+        stages.seconds,
+        stages.notes,
+        stages.searched - searched,
+        deadline.cut,
+    )
+    return there.answer((turn, news))
+
+
+# ---- first searches -----------------------------------------------------------------------------
+
+_Vectors = list[NDArray[np.float64]]
+
+
+def searched(
+    contexts: Sequence[SolveContext], starts: _Vectors, points: list[ProvedPoint], first: bool
+) -> Iterator[tuple[SolveContext, _Vectors]]:
+    """Run local searches for one objective after the other, and yield what is found.
+
+    Parameters
+    ----------
+    contexts : sequence of SolveContext
+    starts : list of (n,) float
+    points : list of ProvedPoint
+        Those known at the time are tried on each objective.
+    first : bool
+        Whether the first start that leads to a point ends the search.
+    """
+    for context in contexts:
+        context, candidates = adopt_points(context, points), _Vectors()
+        for start in starts:
+            context, found = update_incumbent(context, [start])
+            candidates += found
+            if first and context.best is not None:
+                break  # moments of relaxations are better starts than the others
+        yield context, candidates
+
+
+def searched_apart(
+    executor: Executor,
+    contexts: Sequence[SolveContext],
+    starts: _Vectors,
+    points: list[ProvedPoint],
+) -> Iterator[tuple[SolveContext, _Vectors]]:
+    """Run local searches in other processes, each for a part of the objectives."""
+    count = min(workers_of(executor), len(contexts))
+    parts = [list(contexts[k::count]) for k in range(count)]
+    answers, _ = run_on(
+        executor, _searched_in_worker, [(p, starts, points) for p in parts], contexts[0].deadline
+    )
+    for number, context in enumerate(contexts):
+        answer = answers[number % count]
+        if answer is None or number // count >= len(answer):
+            yield context, []  # lost: relaxations bring starts
+            continue
+        best, candidates, seconds, searched = answer[number // count]
+        context.stages.include(seconds, (), searched)
+        yield replace(context, best=best), candidates
+
+
+_Searched = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
+
+
+def _searched_in_worker(
+    contexts: list[SolveContext], starts: _Vectors, points: list[ProvedPoint]
+) -> list[_Searched]:
+    found = list[_Searched]()
+    known = list(points)
+    try:
+        with contexts[0].deadline.kept():
+            for context, candidates in searched(contexts, starts, known, True):
+                best, stages = context.best, context.stages
+                found.append((best, candidates, stages.seconds, stages.searched))
+                if best is not None:
+                    known.append(best)
+    except EARLY:
+        pass
+    return found

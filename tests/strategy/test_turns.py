@@ -1,0 +1,165 @@
+"""Turns of objectives on executors: what is proved does not depend on them."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from math import sqrt
+
+import numpy as np
+import pytest
+from loop_cases import ALL_SPECS
+from search_cases import bilinear
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Status
+from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.executors.dispatch import workers_of
+from sparsepop_py.executors.processes import Processes
+from sparsepop_py.strategy.multi_objective import _Repaired
+
+ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
+
+
+def bounded(executor, **given):
+    """Results for the four ends of a region whose ends are known."""
+    x1, x2 = sp.variables(2)
+    region = sp.Problem(x1, [x1**2 + x2**2 <= 2, x1 * x2 >= 0.5], lower=0, upper=2)
+    options = Options(effort="auto", gap_kind="width", gap=1e-3)
+    return sp.solve_each(region, [x1, -x1, x2, -x2], options, executor=executor, **given)
+
+
+def checked(results):
+    """All ends are proved to the gap, and hold."""
+    known: dict = {}
+    for number, result in enumerate(results):
+        assert result.status is Status.OPTIMAL
+        assert result.certificate.verify(result.problem, known).ok
+        end = ENDS[0] if number % 2 == 0 else -ENDS[1]
+        assert end - 1e-3 <= result.lower_bound <= end
+
+
+class Here(Executor):
+    """Does tasks at once, as another process would: through pickles."""
+
+    workers = 2
+
+    def __init__(self, tasks: int = 10**9) -> None:
+        self.left, self.names = tasks, []
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        if not self.left:
+            raise RuntimeError("closed")
+        self.left -= 1
+        self.names.append(getattr(args[0], "__name__", ""))
+        job: Future = Future()
+        call = pickle.loads(pickle.dumps((fn, args, kwargs)))
+        job.set_result(pickle.loads(pickle.dumps(call[0](*call[1], **call[2]))))
+        return job
+
+
+def test_turns_in_processes():
+    with Processes(2) as pool:
+        checked(bounded(pool))
+
+
+def test_turns_in_threads():
+    with ThreadPoolExecutor(2) as pool:
+        checked(bounded(pool))
+
+
+def test_objectives_go_to_the_workers_and_come_back_whole():
+    executor, steps = Here(), []
+    results = bounded(executor, on_progress=lambda *bounds: steps.append(bounds))
+    checked(results)
+    assert executor.names.count("_in_worker") >= 2
+    assert {number for number, *_ in steps} == {0, 1, 2, 3}
+    for result in results:
+        assert result.options.executor is executor
+        assert result.timings
+
+
+@pytest.mark.parametrize("tasks", [0, 1, 3])
+def test_an_executor_that_refuses_turns_is_replaced_by_this_process(tasks):
+    results = bounded(Here(tasks))
+    checked(results)
+    assert any("the executor failed" in note for result in results for note in result.notes)
+
+
+class Lost(Here):
+    """Loses a worker in each turn."""
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        job: Future = Future()
+        job.set_exception(RuntimeError("lost"))
+        return job
+
+
+def test_lost_turns_are_taken_here():
+    checked(bounded(Lost()))
+
+
+class Hanging(Here):
+    """Never brings a turn back."""
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        return Future()
+
+
+def test_hanging_turns_end_with_the_limit():
+    x1, x2 = sp.variables(2)
+    region = sp.Problem(x1, [x1**2 + x2**2 <= 2, x1 * x2 >= 0.5], lower=0, upper=2)
+    options = Options(effort="auto", time_limit=0.5, executor=Hanging())
+    results = sp.solve_each(region, [x1, -x1], options)
+    assert all(result.lower_bound >= -2 for result in results)
+
+
+def test_counted_work_stays_in_this_process():
+    x1, x2 = sp.variables(2)
+    region = sp.Problem(x1, [x1**2 + x2**2 <= 2, x1 * x2 >= 0.5], lower=0, upper=2)
+    executor = Here()
+    options = Options(effort="auto", gap=1e-3, work_limit=5.0, executor=executor)
+    sp.solve_each(region, [x1, -x1, x2, -x2], options)
+    assert "_in_worker" not in executor.names
+
+
+def test_a_tree_comes_back_from_a_pickle(monkeypatch):
+    """The tree is pickled after every third node."""
+    monkeypatch.setattr(
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
+    )
+    grow = Search.grow
+
+    def through_a_pickle(self, nodes, stop, executor=None):
+        search = self.search_incumbent
+        self.search_incumbent = _no_search
+        self.__dict__.update(pickle.loads(pickle.dumps(self)).__dict__)
+        self.search_incumbent = search
+        return grow(self, min(nodes, 3), stop, executor)
+
+    monkeypatch.setattr(Search, "grow", through_a_pickle)
+    problem = bilinear()
+    result = sp.solve(problem, Options(effort="auto", gap=5e-2, skip=("linear_tree",)))
+    assert result.status is Status.OPTIMAL
+    assert result.certificate.verify(problem).ok
+    assert result.certificate.leaves > 3
+
+
+def _no_search(context, vectors):
+    return context
+
+
+def test_a_repair_that_does_not_pickle_leaves_vectors_as_they_are():
+    repair, x = _Repaired(lambda x: x + 1.0), np.array([1.0, 2.0])
+    assert repair(x).tolist() == [2.0, 3.0]
+    assert pickle.loads(pickle.dumps(repair))(x).tolist() == [1.0, 2.0]
+    assert pickle.loads(pickle.dumps(_Repaired(np.negative)))(x).tolist() == [-1.0, -2.0]
+
+
+def test_workers_of():
+    assert workers_of(None) == 0
+    assert workers_of(Processes(3)) == 3
+    with ThreadPoolExecutor(5) as pool:
+        assert workers_of(pool) == 5
+    assert workers_of(Executor()) > 1
