@@ -104,6 +104,10 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
+    def __repr__(self) -> str:
+        text = f"{self.kind} {self.mode}, {len(self.low)} samples"
+        return f"<OutputBand: {text}, nothing said at {int(np.sum(self.silent))}>"
+
     def plot(self, ax: Any = None) -> NDArray[Any]:
         """Draw the readings and the band, one axis an output; returns the axes.
 
@@ -189,6 +193,10 @@ class Comparison:
             f"the band says nothing at {silent} of {count} samples: it is infinite there, or every "
             "reading of the record would lie in it"
         ]
+
+    def __repr__(self) -> str:
+        text = f"{self.band.mode}, fit {_per_cent(self.fit)}"
+        return f"<Comparison: {text}, {len(self.band.outside)} readings outside>"
 
     def plot(self, ax: Any = None) -> NDArray[Any]:
         """Draw the band with the fit in the title; returns the axes.

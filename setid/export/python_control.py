@@ -66,6 +66,11 @@ class ControlModels:
     radius: Reals
     label: str
 
+    def __repr__(self) -> str:
+        largest = float(np.max(self.radius, initial=0.0))
+        text = f"{len(self.vertices)} vertices, radius up to {largest:.3g}"
+        return f"<ControlModels: {text}, {self.label}>"
+
 
 def to_control(
     result: FeasibleSet,

@@ -41,6 +41,16 @@ def test_validation_readings_lie_in_proved_bands(result: setid.Identification) -
         assert "falsified" not in found.summary()
 
 
+def test_what_is_shown_at_a_prompt_is_one_line() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    band = predict(found)  # of the first sample there is no prediction
+    assert repr(band) == "<OutputBand: proved prediction, 4 samples, nothing said at 0>"
+    shown = repr(compare(found, mode="prediction"))
+    assert shown.startswith("<Comparison: prediction, fit 9") and "\n" not in shown
+    assert shown.endswith("%, 0 readings outside>")
+
+
 def test_noise_free_outputs_lie_in_the_band_of_models() -> None:
     model, noise = setid.TransferFunction(na=2, nb=2, nk=1), setid.Noise(output=0.2, input=0.01)
     theta = np.array([-1.2, 0.5, 1.0, 0.4])

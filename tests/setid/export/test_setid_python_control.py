@@ -38,6 +38,9 @@ def test_the_nominal_model_has_the_response_of_the_parameters(
 def test_the_weight_covers_what_was_sampled(result: setid.Identification) -> None:
     models = to_control(result)
     assert models.label == "sampled" and len(models.vertices) >= 5
+    assert repr(models).startswith(
+        f"<ControlModels: {len(models.vertices)} vertices, radius up to "
+    )
     weight = np.abs(models.weight(np.exp(1j * models.omega)))
     assert np.all(weight >= models.radius)
     assert np.all(np.abs(models.weight.poles()) <= 1.0)

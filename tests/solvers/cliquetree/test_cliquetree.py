@@ -38,7 +38,7 @@ def safe_value(p, z):
     return p.offset - p.b @ z - np.abs(p.q + p.A.T @ z).sum()
 
 
-def output_error(seed, samples=12):
+def output_error(seed, samples=12, box=lambda a, b: (a, b), prior=lambda a, b: []):
     """Simulated first-order data with noise: bounds on a in y = eta + e, eta = a eta- + b u-."""
     rng = np.random.default_rng(seed)
     u = rng.choice([-1.0, 1.0], samples)
@@ -47,12 +47,12 @@ def output_error(seed, samples=12):
         true[k] = 0.5 * true[k - 1] + 0.4 * u[k - 1]
     y = true + rng.uniform(-0.05, 0.05, samples)
     x = sp.variables(2 + samples)
-    a, b, e = x[0], x[1], x[2:]
+    (a, b), e = box(x[0], x[1]), x[2:]
     rows = [
         (y[k] - 0.05 * e[k]) - a * (y[k - 1] - 0.05 * e[k - 1]) - b * u[k - 1] == 0
         for k in range(1, samples)
     ]
-    return Problem(a, rows, lower=-1, upper=1)
+    return Problem(x[0], rows + prior(a, b), lower=-1, upper=1)
 
 
 x, y, z = sp.variables(3)
@@ -165,6 +165,23 @@ def test_badly_scaled_rows_and_objective():
     plain, found = cliquetree.solve(p), cliquetree.solve(scaled)
     assert found.status == "solved"
     assert found.dual == pytest.approx(1e4 * plain.dual, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["star", "split"])
+@pytest.mark.parametrize("width", [0.03, 0.003])
+def test_inequalities_far_from_their_boundary_change_nothing(width, shape):
+    """A prior |a| <= 1 holds all over a small box of a: its rows are 1 / width in units of a."""
+
+    def small(a, b):
+        return 0.5 + width * a, 0.4 + width * b
+
+    def stable(a, b):
+        return [(1 - a) / width >= 0, (1 + a) / width >= 0]
+
+    problems = output_error(0, box=small), output_error(0, box=small, prior=stable)
+    found = [cliquetree.solve(program(p, None, shape=shape, products=True)) for p in problems]
+    assert [each.status for each in found] == ["solved", "solved"]
+    assert found[1].dual == pytest.approx(found[0].dual, abs=1e-5)
 
 
 @pytest.mark.parametrize(

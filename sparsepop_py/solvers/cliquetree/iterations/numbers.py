@@ -165,9 +165,15 @@ class Numbers:
 
 
 def _row_scale(program: ConicProgram, block: NDArray[np.int64]) -> Reals:
-    """Compute one over the largest coefficient of each row or block."""
+    """Compute one over the largest coefficient of each row or block.
+
+    Constants of inequalities count: one that holds far from its boundary would start with a
+    residual that is large beside its slack, and steps would be short.
+    """
     count = int(block.max(initial=-1)) + 1
     largest = np.zeros(count)
     np.maximum.at(largest, block[program.A.indices], np.abs(program.A.data))
+    zero = program.cones.zero
+    np.maximum.at(largest, block[zero:], np.abs(program.b[zero:]))
     scale = 1.0 / np.where(largest > 0.0, largest, 1.0)
     return scale[block]
