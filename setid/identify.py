@@ -41,7 +41,7 @@ from setid.feasible_points.cascades import (
 )
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
-from setid.feasible_points.start import first_point, repair
+from setid.feasible_points.start import Repair, first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
@@ -641,7 +641,7 @@ def _solve(
             [scaled.asked(objective)[0] for objective in objectives(formulation)],
             engine,
             start=None if start is None else start / scaled.units,
-            repair=repair(formulation, problem, scaled.units),
+            repair=Repair(formulation, problem, scaled.units),
             points=points,
             branch_on=branch_on,
             on_progress=progress.report,

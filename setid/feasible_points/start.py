@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import chain
 from math import inf
 
@@ -16,7 +17,7 @@ from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
-__all__ = ["candidates", "first_point", "repair"]
+__all__ = ["Repair", "candidates", "first_point"]
 
 
 def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
@@ -62,18 +63,30 @@ def _simulated(formulation: Formulation, problem: sp.Problem) -> Iterator[NDArra
         yield np.clip(theta, problem.lower[:p], problem.upper[:p])
 
 
-def repair(
-    formulation: Formulation, problem: sp.Problem, units: NDArray[np.float64]
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """Make a function that replaces the noise of a vector by the least it needs."""
-    p = len(formulation.parameters)
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """Replacement of the noise of a vector by the least it needs; it pickles.
 
-    def repaired(z: NDArray[np.float64]) -> NDArray[np.float64]:
-        theta = np.clip(z[:p] * units[:p], problem.lower[:p], problem.upper[:p])
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : Problem
+        In the units of the parameters.
+    units : (n,) float
+        Of the vectors that are repaired.
+    """
+
+    formulation: Formulation
+    problem: sp.Problem
+    units: NDArray[np.float64]
+
+    def __call__(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Repair a vector; return it as it is where it needs more noise than is allowed."""
+        p = len(self.formulation.parameters)
+        lower, upper = self.problem.lower[:p], self.problem.upper[:p]
+        theta = np.clip(z[:p] * self.units[:p], lower, upper)
         try:
-            witness = least_noise(formulation, theta)
+            witness = least_noise(self.formulation, theta)
         except ModelError:
             return z
-        return witness.x / units if witness.level <= 1.0 else z
-
-    return repaired
+        return witness.x / self.units if witness.level <= 1.0 else z

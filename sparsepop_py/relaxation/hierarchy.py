@@ -243,14 +243,14 @@ class CostModel:
         Worth of the progress by name, between 0 and 1.
     pace : float
         Ratio of measured to estimated seconds.
-    learned : list of (str, float, float)
-        What was recorded, for the same model in another process.
+    learned : list of (str, float, float) or None
+        What was recorded, for the same model in another process; None where none listens.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     progress: dict[str, float] = field(default_factory=dict)
     pace: float = 1.0
-    learned: list[tuple[str, float, float]] = field(default_factory=list)
+    learned: list[tuple[str, float, float]] | None = None
 
     def learn(self, name: str, progress: float, seconds: float) -> None:
         """Record progress and seconds of a relaxation; older records fade.
@@ -258,7 +258,8 @@ class CostModel:
         A closed gap counts more than progress: it saves the stronger relaxations. Less time
         than before counts at once, since what was analysed the first time is remembered.
         """
-        self.learned.append((name, progress, seconds))
+        if self.learned is not None:
+            self.learned.append((name, progress, seconds))
         worth = HIERARCHY.closed * (progress >= 1.0) + (1.0 - HIERARCHY.closed) * progress
         for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value

@@ -216,7 +216,7 @@ def _in_worker(packet: Packet) -> bytes:
     shared, deadline, stages, *costs = there.live
     stages.searched = searched
     for each in costs:
-        each.learned.clear()
+        each.learned = []
     try:
         with deadline.kept():
             turn.take()
@@ -224,7 +224,7 @@ def _in_worker(packet: Packet) -> bytes:
         pass
     turn.auto.last = None
     news = _News(
-        tuple(each.learned for each in costs),
+        tuple(each.learned or [] for each in costs),
         tuple(each.pace for each in costs),
         shared.estimates,
         stages.seconds,

@@ -16,6 +16,7 @@ from sparsepop_py import Options, Status
 from sparsepop_py.branch_and_bound.tree import Search
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
+from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy.multi_objective import _Repaired
 
 ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
@@ -163,3 +164,19 @@ def test_workers_of():
     with ThreadPoolExecutor(5) as pool:
         assert workers_of(pool) == 5
     assert workers_of(Executor()) > 1
+
+
+def test_cost_models_record_only_for_another_process(monkeypatch):
+    models = []
+    learn = CostModel.learn
+
+    def watched(self, *record):
+        learn(self, *record)
+        models.append((self.learned is None, self.seconds[record[0]]))
+
+    monkeypatch.setattr(CostModel, "learn", watched)
+    bounded(None)
+    assert models and all(silent for silent, _ in models)
+    models.clear()
+    checked(bounded(Here()))
+    assert {silent for silent, _ in models} == {True, False}  # those of workers, and this one's
