@@ -105,8 +105,14 @@ class OutputBand:
         return np.argwhere(gone)
 
     def __repr__(self) -> str:
-        text = f"{self.kind} {self.mode}, {len(self.low)} samples"
-        return f"<OutputBand: {text}, nothing said at {int(np.sum(self.silent))}>"
+        return f"<OutputBand: {self.mode}, {self._says}>"
+
+    @property
+    def _says(self) -> str:
+        """At how many samples the band says something."""
+        silent, known = self.silent | np.isnan(self.low), ~np.isnan(self.data.y)
+        said, count = int(np.sum(known & ~silent)), int(np.sum(known))
+        return f"{self.kind} band, which says something of {said} of {count} readings"
 
     def plot(self, ax: Any = None) -> NDArray[Any]:
         """Draw the readings and the band, one axis an output; returns the axes.
@@ -195,8 +201,8 @@ class Comparison:
         ]
 
     def __repr__(self) -> str:
-        text = f"{self.band.mode}, fit {_per_cent(self.fit)}"
-        return f"<Comparison: {text}, {len(self.band.outside)} readings outside>"
+        text = f"{self.band.mode}, fit {_per_cent(self.fit)}, {len(self.band.outside)} readings"
+        return f"<Comparison: {text} outside the {self.band._says}>"
 
     def plot(self, ax: Any = None) -> NDArray[Any]:
         """Draw the band with the fit in the title; returns the axes.

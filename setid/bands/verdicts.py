@@ -14,7 +14,7 @@ __all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
 Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
 Verdict = Literal["tight", "wide", "unstable", "unproved"]
-_LOOSE = 3.0  # ratio from which a reader is told why
+_EXPLAINED = 3.0  # ratio from which a reader is told why
 _FLOOR = 0.01  # of the largest attained width: narrower samples do not count
 
 
@@ -67,10 +67,10 @@ class BandReport:
         size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
         if self.verdict == "tight":
             text = f"proved width at most {self.ratio:.3g} times the attained one ({size})"
-            if self.ratio > _LOOSE:
+            if self.ratio > _EXPLAINED:
                 text += (
-                    "; it is the proved set of the parameters that is wide, not what is made of "
-                    "it: more time for identify narrows it"
+                    "; it follows what is proved of the parameters, which is wide beside the "
+                    "members: where intervals are open, more time for identify narrows it"
                 )
             return text
         if self.verdict == "wide":

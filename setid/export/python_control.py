@@ -21,6 +21,7 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
+from setid.formulation.printing import rounded
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid
 
@@ -67,8 +68,8 @@ class ControlModels:
     label: str
 
     def __repr__(self) -> str:
-        largest = float(np.max(self.radius, initial=0.0))
-        text = f"{len(self.vertices)} vertices, radius up to {largest:.3g}"
+        largest = rounded(float(np.max(self.radius, initial=0.0)), True, 3)
+        text = f"{len(self.vertices)} vertices, radius up to {largest}"
         return f"<ControlModels: {text}, {self.label}>"
 
 

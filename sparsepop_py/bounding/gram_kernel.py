@@ -30,8 +30,6 @@ from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
 __all__ = ["grams_with_kernel"]
 
-_RIDGE = 1e-12  # keeps entries near 0 that the minimiser leaves open
-
 
 def grams_with_kernel(
     objective: Polynomial, relaxation: Relaxation, point: NDArray[np.float64]
@@ -83,7 +81,7 @@ def _with_kernel(
     rows = sps.csr_array((value, (row, column)), shape=(gram.basis.shape[0], entry.size))[1:]
     equations, right = sps.csc_array(rows @ change), rows @ entries
     normal = equations.T @ equations
-    ridge = _RIDGE * max(1.0, float(normal.diagonal().max(initial=0.0)))
+    ridge = BOUNDING.kernel_ridge * max(1.0, float(normal.diagonal().max(initial=0.0)))
     return np.asarray(
         spsolve(
             sps.csc_array(normal + ridge * sps.eye_array(change.shape[1])), -(equations.T @ right)

@@ -22,6 +22,8 @@ class BoundingSettings:
         The same for definite matrices, most first: integers that they are multiplied by leave few.
     shift : float
         Relative shift that keeps singular matrices from stopping an estimate.
+    kernel_ridge : float
+        Relative weight that keeps entries near 0 which the equations of a minimiser leave open.
     trace : float
         Weight of the trace beside the constant: it prefers few squares.
     short_shares : tuple of float
@@ -68,6 +70,7 @@ class BoundingSettings:
     bits: tuple[int, ...] = (0, 2, 6, 12)
     interior_bits: tuple[int, ...] = (40, 32, 24)
     shift: float = 1e-10
+    kernel_ridge: float = 1e-12
     trace: float = 0.1
     short_shares: tuple[float, ...] = (1e-5, 1e-7, 1e-9)
     likely: float = 0.05

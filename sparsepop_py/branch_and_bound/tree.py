@@ -110,16 +110,17 @@ class Search:
             stack.extend(nodes[-1].children)
         place = {id(node): k for k, node in enumerate(nodes)}
         rows = [
-            node.__dict__ | {"children": [place[id(c)] for c in node.children]} for node in nodes
+            (node.__dict__ | {"children": []}, [place[id(child)] for child in node.children])
+            for node in nodes
         ]
         heap = [(bound, count, place[id(node)]) for bound, count, node in self._heap]
         return self.__dict__ | {"_root": rows, "_heap": heap}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Rebuild the tree."""
-        nodes = [_OpenNode(**row) for row in state["_root"]]
-        for node in nodes:
-            node.children = [nodes[k] for k in node.children]  # type: ignore[call-overload]
+        nodes = [_OpenNode(**row) for row, _ in state["_root"]]
+        for node, (_, children) in zip(nodes, state["_root"], strict=True):
+            node.children = [nodes[k] for k in children]
         heap = [(bound, count, nodes[k]) for bound, count, k in state["_heap"]]
         self.__dict__.update(state, _root=nodes[0], _heap=heap)
 

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.solvers.threads import one_thread
 
-__all__ = ["Timed", "run_on", "timed"]
+__all__ = ["Timed", "run_on", "run_timed"]
 
 _PATIENCE = 0.2  # of what was left when the tasks began: they may end so much after the deadline
 
@@ -53,7 +53,7 @@ def run_on(
     jobs: list[Future[Timed[Result]]] = []
     try:
         for task in tasks:
-            jobs.append(executor.submit(timed, work, *task))
+            jobs.append(executor.submit(run_timed, work, *task))
         for place, job in enumerate(jobs):
             made = job.result(None if end is None else max(0.0, end - time.monotonic()))
             found[place] = made.counted(deadline)
@@ -88,7 +88,7 @@ class Timed(Generic[Result]):
 
 
 @one_thread
-def timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
+def run_timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
     """Do a task with one BLAS thread, which leaves other workers their cores."""
     start = time.process_time()
     found = work(*arguments)

@@ -37,7 +37,7 @@ from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_box import tighten_for_all
 from sparsepop_py.strategy.shared_state import SharedState
-from sparsepop_py.strategy.turns import Turn, TurnsApart, searched, searched_apart
+from sparsepop_py.strategy.turns import Turn, TurnsApart, search_from, search_from_apart
 from sparsepop_py.strategy.working_set import WorkingSetSearch, suits
 from sparsepop_py.tightening.mccormick import coordinate_of
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -90,7 +90,7 @@ class MultiObjectiveSearch:
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
     obbt_done: bool = False
-    repaired: _Repaired | None = None
+    repaired: _RepairOnce | None = None
 
     def run(self) -> list[SearchState]:
         """Search until every gap is closed, nothing is left to try or time is over.
@@ -142,7 +142,7 @@ class MultiObjectiveSearch:
                 self._tighten()
             except EARLY as cause:
                 self.deadline.ended(cause)  # the box is kept as it was
-        self.repaired = None if self.repair is None else _Repaired(self.repair)
+        self.repaired = None if self.repair is None else _RepairOnce(self.repair)
         for number, objective in enumerate(self.objectives):
             context = SolveContext(
                 self.problem.with_objective(objective),
@@ -170,9 +170,9 @@ class MultiObjectiveSearch:
         contexts = [auto.context for auto in chosen]
         executor = self.options.executor
         if several and self._parallel and executor is not None:
-            found = searched_apart(executor, contexts, starts, self.points)
+            found = search_from_apart(executor, contexts, starts, self.points)
         else:
-            found = searched(contexts, starts, self.points, several)
+            found = search_from(contexts, starts, self.points, several)
         for auto, (context, candidates) in zip(chosen, found, strict=True):
             auto.context, auto.candidates = context, [*auto.candidates, *candidates]
             best = context.best
@@ -262,7 +262,7 @@ class MultiObjectiveSearch:
         auto = self.searches[index]
         if auto.over or index in apart.objectives:
             return False
-        return not auto.exhausted or last[index] != (self.model, auto.context.best)
+        return not auto.exhausted or last.get(index) != (self.model, auto.context.best)
 
     def _returned(self, index: int, turn: Turn, apart: TurnsApart) -> None:
         """Take the search of an objective back from another process."""
@@ -328,7 +328,7 @@ class MultiObjectiveSearch:
             self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=box)
 
 
-class _Repaired:
+class _RepairOnce:
     """Repairs each vector once: all objectives search from the same starts.
 
     In another process vectors stay as they are where the repair does not pickle.
@@ -350,8 +350,8 @@ class _Repaired:
         try:
             pickle.dumps(self._repair)
         except (pickle.PicklingError, AttributeError, TypeError):
-            return _Repaired, (None,)
-        return _Repaired, (self._repair,)
+            return _RepairOnce, (None,)
+        return _RepairOnce, (self._repair,)
 
 
 def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:

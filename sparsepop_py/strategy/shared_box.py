@@ -101,7 +101,7 @@ def _obbt_rounds(
         STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
     ):
         work = _Round(problem, box, cliques, active, held)
-        smaller, made, wanted = work.shared(replay, variables, options.executor, deadline)
+        smaller, made, wanted = work.tighten_all(replay, variables, options.executor, deadline)
         if is_empty(smaller):
             break
         gained = False
@@ -144,7 +144,7 @@ class _Round:
     active: NDArray[np.bool_] | None
     held: NDArray[np.int64]
 
-    def taken(
+    def tighten(
         self, variables: Sequence[int], left: float | None, replay: Replay | None = None
     ) -> tuple[Interval, Tightening | None, NDArray[np.int64]]:
         """Tighten some variables; return box and step, and the rows that solutions violate."""
@@ -157,7 +157,7 @@ class _Round:
             missing += [violated_rows(self.problem, x, self.held) for x in seen]
         return box, step, np.unique(np.concatenate(missing))
 
-    def shared(
+    def tighten_all(
         self,
         replay: Replay,
         variables: Sequence[int],
@@ -168,10 +168,10 @@ class _Round:
         count = 1 if deadline.counts_work else max(1, workers_of(executor))
         parts = [variables[k::count] for k in range(min(count, len(variables)))]
         if executor is None or len(parts) == 1:
-            found = [self.taken(variables, deadline.left, replay)]
+            found = [self.tighten(variables, deadline.left, replay)]
         else:
             tasks = [(self, part, deadline.left) for part in parts]
-            answers, _ = run_on(executor, _Round.taken, tasks, deadline)
+            answers, _ = run_on(executor, _Round.tighten, tasks, deadline)
             found = [each for each in answers if each is not None]
         box = self.box
         for smaller, _, _ in found:

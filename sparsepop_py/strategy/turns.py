@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
-from sparsepop_py.branch_and_bound.workers import Timed, run_on, timed
+from sparsepop_py.branch_and_bound.workers import Timed, run_on, run_timed
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.executors.dispatch import workers_of
@@ -32,7 +32,7 @@ from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.strategy.working_set import WorkingSetSearch
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Turn", "TurnsApart", "searched", "searched_apart"]
+__all__ = ["Turn", "TurnsApart", "search_from", "search_from_apart"]
 
 _PATIENCE = 0.2  # of what was left at the beginning: turns may end so much after the deadline
 
@@ -139,10 +139,12 @@ class TurnsApart:
         whole = auto.outcome
         auto.outcome, auto.last = _without_output(whole), None
         try:
+            if auto.context.best is not None:  # unless a better one is found, it returns as itself
+                self.references.keep(auto.context.best)
             packet = self.references.packed(
                 (turn, auto.context.stages.searched), self._live(auto.context.stages)
             )
-            self.running[self.executor.submit(timed, _in_worker, packet)] = number, turn
+            self.running[self.executor.submit(run_timed, _in_worker, packet)] = number, turn
         except Exception as error:
             self._fail(error)
         finally:
@@ -240,7 +242,7 @@ def _in_worker(packet: Packet) -> bytes:
 _Vectors = list[NDArray[np.float64]]
 
 
-def searched(
+def search_from(
     contexts: Sequence[SolveContext], starts: _Vectors, points: list[ProvedPoint], first: bool
 ) -> Iterator[tuple[SolveContext, _Vectors]]:
     """Run local searches for one objective after the other, and yield what is found.
@@ -264,7 +266,7 @@ def searched(
         yield context, candidates
 
 
-def searched_apart(
+def search_from_apart(
     executor: Executor,
     contexts: Sequence[SolveContext],
     starts: _Vectors,
@@ -274,7 +276,7 @@ def searched_apart(
     count = min(workers_of(executor), len(contexts))
     parts = [list(contexts[k::count]) for k in range(count)]
     answers, _ = run_on(
-        executor, _searched_in_worker, [(p, starts, points) for p in parts], contexts[0].deadline
+        executor, _search_in_worker, [(p, starts, points) for p in parts], contexts[0].deadline
     )
     for number, context in enumerate(contexts):
         answer = answers[number % count]
@@ -286,17 +288,17 @@ def searched_apart(
         yield replace(context, best=best), candidates
 
 
-_Searched = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
+_Found = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
 
 
-def _searched_in_worker(
+def _search_in_worker(
     contexts: list[SolveContext], starts: _Vectors, points: list[ProvedPoint]
-) -> list[_Searched]:
-    found = list[_Searched]()
+) -> list[_Found]:
+    found = list[_Found]()
     known = list(points)
     try:
         with contexts[0].deadline.kept():
-            for context, candidates in searched(contexts, starts, known, True):
+            for context, candidates in search_from(contexts, starts, known, True):
                 best, stages = context.best, context.stages
                 found.append((best, candidates, stages.seconds, stages.searched))
                 if best is not None:

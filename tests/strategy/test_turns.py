@@ -17,7 +17,7 @@ from sparsepop_py.branch_and_bound.tree import Search
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
-from sparsepop_py.strategy.multi_objective import _Repaired
+from sparsepop_py.strategy.multi_objective import _RepairOnce
 
 ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
 
@@ -115,6 +115,19 @@ def test_hanging_turns_end_with_the_limit():
     assert all(result.lower_bound >= -2 for result in results)
 
 
+def test_turns_end_where_nothing_is_left_to_try():
+    """Gaps of rounding stay open without branching; incumbents come back as themselves."""
+    x1, x2, x3 = sp.variables(3)
+    rows = [x1**2 + x2**2 <= 2, x1 * x2 >= 0.5, x1 * x3 + x2 * x2 == 0.6]
+    region = sp.Problem(x1, rows, lower=0, upper=2)
+    executor = Here(60)
+    options = Options(effort="auto", gap=1e-12, skip=("branch", "full"), executor=executor)
+    results = sp.solve_each(region, [x1, -x1, x2, -x2], options)
+    assert any(result.status is Status.BOUNDED for result in results)
+    assert 4 <= executor.names.count("_in_worker") < 30
+    assert not any("the executor failed" in note for result in results for note in result.notes)
+
+
 def test_counted_work_stays_in_this_process():
     x1, x2 = sp.variables(2)
     region = sp.Problem(x1, [x1**2 + x2**2 <= 2, x1 * x2 >= 0.5], lower=0, upper=2)
@@ -152,10 +165,10 @@ def _no_search(context, vectors):
 
 
 def test_a_repair_that_does_not_pickle_leaves_vectors_as_they_are():
-    repair, x = _Repaired(lambda x: x + 1.0), np.array([1.0, 2.0])
+    repair, x = _RepairOnce(lambda x: x + 1.0), np.array([1.0, 2.0])
     assert repair(x).tolist() == [2.0, 3.0]
     assert pickle.loads(pickle.dumps(repair))(x).tolist() == [1.0, 2.0]
-    assert pickle.loads(pickle.dumps(_Repaired(np.negative)))(x).tolist() == [-1.0, -2.0]
+    assert pickle.loads(pickle.dumps(_RepairOnce(np.negative)))(x).tolist() == [-1.0, -2.0]
 
 
 def test_workers_of():

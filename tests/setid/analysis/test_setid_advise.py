@@ -126,6 +126,8 @@ def test_inputs_that_go_on_changing_are_no_step() -> None:
     found = setid.advise(setid.IOData(u, y, 0.1))
     assert np.isnan(found.settling_time) and np.isnan(found.sampling_time)
     assert "no input steps once" in found.text and "integrates" not in found.text
+    gaps = np.where(np.arange(u.size) % 7 == 3, np.nan, u)
+    assert "no input steps once" in setid.advise(setid.IOData(gaps, y, 0.1)).text
     jitter = 0.01 * np.random.default_rng(1).uniform(-1, 1, 1200)
     slightly = setid.IOData(step().u[:, 0] + jitter, step().y, TS)
     assert setid.advise(slightly).settling_time == setid.advise(step()).settling_time

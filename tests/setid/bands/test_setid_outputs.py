@@ -45,10 +45,18 @@ def test_what_is_shown_at_a_prompt_is_one_line() -> None:
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     band = predict(found)  # of the first sample there is no prediction
-    assert repr(band) == "<OutputBand: proved prediction, 4 samples, nothing said at 0>"
+    said = "proved band, which says something of 3 of 4 readings"
+    assert repr(band) == f"<OutputBand: prediction, {said}>"
     shown = repr(compare(found, mode="prediction"))
     assert shown.startswith("<Comparison: prediction, fit 9") and "\n" not in shown
-    assert shown.endswith("%, 0 readings outside>")
+    assert shown.endswith(f"%, 0 readings outside the {said}>")
+
+
+def test_a_band_that_says_nothing_does_not_look_like_a_pass_at_a_prompt() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    loud = predict(found, noise=setid.Noise(equation=100.0))
+    assert repr(loud).endswith("says something of 0 of 4 readings>")
 
 
 def test_noise_free_outputs_lie_in_the_band_of_models() -> None:

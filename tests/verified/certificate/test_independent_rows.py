@@ -132,3 +132,4 @@ def test_monomials_that_no_entry_has_are_noticed(monkeypatch):
     )
     assert gram.bound(x**2 + 3) == 3.0
     assert gram.bound(x**2 + y**2 + 3) == -np.inf
+    assert gram.bound(x + x**2) == -np.inf  # of 1, x, x^2 the first has no entry, and is not 1
