@@ -255,7 +255,7 @@ def simulate_band(
     Raises
     ------
     SetidError
-        If the feasible set is empty, or data do not fit the structure.
+        If the feasible set is empty, data do not fit the structure, or a setting is none.
 
     Examples
     --------
@@ -266,11 +266,13 @@ def simulate_band(
     >>> band.kind, bool((band.low <= band.high).all())
     ('proved', True)
     """
+    if kind not in (None, "proved", "sampled"):
+        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+    accuracy = Accuracy(tolerance, time_limit, samples)
     record, bounds = _record(result, data, noise)
     model, theta, eta = result.formulation.model, nominal(result), bounds[0]
-    if kind in (None, "proved"):
+    if kind != "sampled":
         try:
-            accuracy = Accuracy(tolerance, time_limit, samples)
             bands = record_bands(result, record, bounds, model.initial == "zero", accuracy)
         except SetidError:
             if kind == "proved":
@@ -285,8 +287,6 @@ def simulate_band(
             low, high = (frozen(x) for x in attained)
             reports = tuple(b.report for b in bands)
             return replace(band, attained_low=low, attained_high=high, reports=reports)
-    if kind not in (None, "sampled"):
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     thetas = np.vstack([theta, members(result, samples, seed)])
     with np.errstate(over="ignore", invalid="ignore"):
         outputs = np.array([run(model, t, record) for t in thetas])

@@ -160,6 +160,8 @@ def step_band(
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)
     channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
+    accuracy = Accuracy(tolerance, time_limit)
+    later_on = switch(all_time, "all_time", SetidError)
     if channels[0] > model.outputs or channels[1] > model.inputs:
         raise ModelError(
             f"output, input: found {output}, {input}, expected at most "
@@ -171,8 +173,6 @@ def step_band(
     centre = simulate(model, theta, u)[:, column]
     later, report = (-np.inf, np.inf), None
     if kind == "proved":
-        accuracy = Accuracy(tolerance, time_limit)
-        later_on = switch(all_time, "all_time", SetidError)
         low, high, attained, later, report = _proved_step(
             result, (count, column, input - 1), theta, accuracy, later_on
         )

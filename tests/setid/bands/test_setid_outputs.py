@@ -59,6 +59,24 @@ def test_a_band_that_says_nothing_does_not_look_like_a_pass_at_a_prompt() -> Non
     assert repr(loud).endswith("says something of 0 of 4 readings>")
 
 
+@pytest.mark.parametrize(
+    ("setting", "why"),
+    [
+        ({"tolerance": -1}, "tolerance: found -1"),
+        ({"time_limit": "x"}, "time_limit: found 'x'"),
+        ({"kind": "sure"}, "kind: found 'sure'"),
+    ],
+)
+def test_wrong_settings_are_refused_where_bands_are_sampled_too(
+    result: setid.Identification, setting: dict[str, object], why: str
+) -> None:
+    for each in (result, narx()):  # of the second, bands are sampled
+        with pytest.raises(setid.SetidError, match=why):
+            simulate_band(each, **setting)  # type: ignore[arg-type]
+        with pytest.raises(setid.SetidError, match=why):
+            result.step(4, **({"kind": "sampled"} | setting))  # type: ignore[arg-type]
+
+
 def test_noise_free_outputs_lie_in_the_band_of_models() -> None:
     model, noise = setid.TransferFunction(na=2, nb=2, nk=1), setid.Noise(output=0.2, input=0.01)
     theta = np.array([-1.2, 0.5, 1.0, 0.4])
