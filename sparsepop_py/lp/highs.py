@@ -34,6 +34,7 @@ _PRIMAL: dict[str, int | float] = {
     "primal_simplex_bound_perturbation_multiplier": 0.0,  # it cannot cycle for ever:
     "simplex_iteration_limit": 20_000,
 }
+_AGAIN: dict[str, int | float] = {"dual_simplex_cost_perturbation_multiplier": 0.0}
 _STATUS = {
     highspy.HighsModelStatus.kOptimal: "solved",
     highspy.HighsModelStatus.kInfeasible: "infeasible",
@@ -119,7 +120,7 @@ class LinearModel:
         self._highs = QuietHighs()
         for name, value in {**_OPTIONS, **(options or {})}.items():
             self._highs.setOptionValue(name, value)
-        self._usual = {name: self._highs.getOptionValue(name)[1] for name in _PRIMAL}
+        self._usual = {name: self._highs.getOptionValue(name)[1] for name in (*_PRIMAL, *_AGAIN)}
         self._shape: tuple[int, int] | None = None
         self._basis: Any = None
         self._feasible = False
@@ -157,19 +158,23 @@ class LinearModel:
         """Minimise another cost (n,), starting from the last basis.
 
         Where nothing but the cost has changed that basis is feasible, and the primal simplex
-        method is faster; otherwise the dual one, whose rays are clean.
+        method is faster; otherwise the dual one, whose rays are clean. That one gives up where
+        the costs that it perturbs lead to large prices; then it starts again without perturbing.
         """
-        begin = time.monotonic()
-        if self._feasible:
-            for name, value in _PRIMAL.items():
+        ways: list[dict[str, int | float]] = [_PRIMAL] if self._feasible else []
+        begin, found = time.monotonic(), None
+        for options in [*ways, {}, _AGAIN]:
+            spent = time.monotonic() - begin
+            left = None if time_limit is None else time_limit - spent
+            for name, value in options.items():
                 self._highs.setOptionValue(name, value)
-            found = self._solve(cost, time_limit)
-            for name in _PRIMAL:
+            found = self._solve(cost, left)
+            for name in options:
                 self._highs.setOptionValue(name, self._usual[name])
             if found.status != "failed":
-                return found
-        spent = time.monotonic() - begin
-        return self._solve(cost, None if time_limit is None else time_limit - spent)
+                break
+        assert found is not None
+        return found
 
     def _solve(self, cost: NDArray[np.float64], time_limit: float | None) -> LinearSolution:
         assert self._shape is not None

@@ -134,7 +134,7 @@ class StrategySettings:
     telling: float = 0.05
     weak_tree: float = 0.1
     working_set: int = 60
-    most_working: float = 0.4
+    most_working: float = 0.6
     binding: float = 1e-3
     missing: float = 0.1
     working_rounds: int = 8

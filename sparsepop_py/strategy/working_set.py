@@ -164,7 +164,7 @@ class WorkingSetSearch:
         return not self.search.exhausted
 
     def _set(self, rows: NDArray[np.int64]) -> bool:
-        """Take a working set; False where it is empty or nearly all."""
+        """Take a working set; False where it is empty or nearly all, and what there is stays."""
         total = len(self.whole.context.problem.constraints)
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
@@ -221,9 +221,7 @@ class WorkingSetSearch:
             return False
         price[self.rows] = 0.0
         missing = _largest(price, STRATEGY.missing)
-        if missing.size:
-            self.done = not self._set(np.union1d(self.rows, self._near(missing)))
-        return bool(missing.size)
+        return bool(missing.size) and self._set(np.union1d(self.rows, self._near(missing)))
 
     # ---- the search on it ---------------------------------------------------------------------
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sps
@@ -187,3 +189,22 @@ def test_largest_margin_of_an_interval():
     assert solve_lp(cost, rows, fixed, bounds) == pytest.approx([0.25, 0.25])
     away = sps.csr_array([[1.0]]), np.array([7.0])
     assert solve_lp(cost, rows, away, bounds) is None
+
+
+def test_a_program_that_fails_is_solved_again_without_perturbed_costs(monkeypatch):
+    rows = sps.csr_array(np.array([[1.0, 1.0]]))
+    ends = np.array([1.0]), np.array([np.inf])
+    model = LinearModel(rows, ends, (np.zeros(2), np.full(2, 5.0)))
+    name, solve = "dual_simplex_cost_perturbation_multiplier", LinearModel._solve
+    usual, seen = model._highs.getOptionValue(name)[1], list[float]()
+
+    def failing(self, cost, time_limit):
+        found = solve(self, cost, time_limit)
+        seen.append(self._highs.getOptionValue(name)[1])
+        return replace(found, status="failed") if len(seen) == 1 else found
+
+    monkeypatch.setattr(LinearModel, "_solve", failing)
+    found = model.solve(np.array([1.0, 2.0]))
+    assert found.status == "solved" and found.value == pytest.approx(1.0)  # at (1, 0)
+    assert seen == [usual, 0.0] and usual > 0.0
+    assert model._highs.getOptionValue(name)[1] == usual  # the next program begins as usual

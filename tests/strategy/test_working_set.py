@@ -109,6 +109,17 @@ def worth_it(monkeypatch):
     monkeypatch.setattr(working_set, "STRATEGY", settings.StrategySettings(long_star=0.0))
 
 
+def test_a_set_that_would_become_too_large_stays(monkeypatch):
+    """Where more constraints do not fit, the bound of the set there is comes first."""
+    price = 1.0 * (np.arange(80) < 3)
+    monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: price)
+    tight = settings.StrategySettings(most_working=0.06, long_star=0.0)  # four constraints of 80
+    monkeypatch.setattr(working_set, "STRATEGY", tight)
+    results = both_ends(problem_of(*record()))
+    assert all(result.status is Status.OPTIMAL for result in results)
+    assert sizes(results) and max(sizes(results)) <= 4
+
+
 @pytest.mark.parametrize("case", ["none", "all", "quick", "skipped"])
 def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
     options = WIDTH
