@@ -18,6 +18,7 @@ systems by substitution).
 from __future__ import annotations
 
 from fractions import Fraction
+from math import ldexp
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ __all__ = ["substituted"]
 
 _BITS = (256, 1024, 4096, 16384, 65536)
 _NARROW = 64  # bits below 1 that an enclosure has to be narrower than
-_KEPT = 80  # leading bits of ends that are turned into doubles
+_SIGNIFICANT, _LEAST_EXPONENT = 53, -1074  # of doubles
 Ends = tuple[int, int]
 
 
@@ -78,7 +79,10 @@ def _terms(
     system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any]
 ) -> list[list[_Term]] | None:
     """Terms of each row; None where one is not as it should be."""
-    place = {variable: i for i, variable in enumerate(solved.tolist())}
+    place = [-1] * (1 + x.size)  # by letters
+    for i, variable in enumerate(solved.tolist()):
+        place[1 + variable] = i
+    place[0] = -1  # it stands for nothing
     values = [_dyadic(value) for value in x.tolist()]
     found: list[list[_Term]] = [[] for _ in range(system.size)]
     for letters, coefficient, row in zip(
@@ -87,8 +91,8 @@ def _terms(
         whole, exponent = _dyadic(coefficient)
         inside: list[int] = []
         for letter in letters:
-            if letter and (number := place.get(letter - 1)) is not None:
-                inside.append(number)
+            if place[letter] >= 0:
+                inside.append(place[letter])
             elif letter:
                 factor, more = values[letter - 1]
                 whole, exponent = whole * factor, exponent + more
@@ -181,8 +185,13 @@ def _as_doubles(
 
 
 def _double_below(value: int, bits: int) -> float:
-    """The largest double that the leading bits of value * 2**-bits, rounded down, show."""
-    drop = max(value.bit_length() - _KEPT, 0)
+    """The double that the leading bits of value * 2**-bits, rounded down, are."""
+    drop = max(value.bit_length() - _SIGNIFICANT, 0)
     top, exponent = value >> drop, drop - bits
+    if exponent >= _LEAST_EXPONENT:  # ldexp rounds nothing
+        try:
+            return ldexp(top, exponent)
+        except OverflowError:
+            pass
     scaled = Fraction(top << exponent) if exponent >= 0 else Fraction(top, 1 << -exponent)
     return float(Interval.of_fraction(scaled).lo)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from math import inf, nextafter
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.verified.arithmetic import substitution
@@ -159,3 +162,17 @@ def test_products_of_wide_enclosures_of_both_signs(monkeypatch, sign):
     box = substituted(system(sp.Problem(t, rows)), np.zeros(4), np.arange(4))
     assert (box.lo[1], box.hi[1]) == (320.0, 384.0)
     assert holds(box, 3, sign * Fraction(1024, 3) ** 2)
+
+
+@given(st.integers(-(2**1400), 2**1400), st.integers(0, 2600))
+@example(2**54 + 1, 0)
+@example(-(2**54) - 1, 0)
+@example(3, 1075)  # between two subnormal doubles
+@example(-3, 1075)
+@example(2**1024, 0)
+@example(-(2**1024), 0)
+def test_ends_become_the_largest_double_below_them(value, bits):
+    found, exact = substitution._double_below(value, bits), Fraction(value, 1 << bits)
+    above = nextafter(found, inf)
+    assert found < inf and (found == -inf or Fraction(found) <= exact)
+    assert above == inf or Fraction(above) > exact
