@@ -96,6 +96,8 @@ _LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 _MANY = 200  # equations beyond which records of noisy outputs are simulated first
 _CELLS = 2000  # regions that are parted at most
+_REGIONS = 5000  # equations beyond which parting regions costs less than the engine
+_NEAR = 1.0  # of the attained widths: how far the first region may reach beyond them there
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
@@ -382,7 +384,7 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
     parts, settled = cascade_of(formulation, box) or _long_record(formulation), None
     if parts is not None:
         settled = _by_simulation(formulation, task, parts, box, notes)
-    if settled is not None and (_parted(formulation) or _closed(settled)):
+    if settled is not None and (is_cascade(formulation) or _closed(settled)):
         return settled
     points: list[sp.ProvedPoint] = []
     if settled is not None:
@@ -404,11 +406,6 @@ def _equations(formulation: Formulation) -> int:
 def _long_record(formulation: Formulation) -> Recursion | None:
     """A long record of noisy outputs as a simulation; None for others."""
     return recursion_of(formulation) if _equations(formulation) > _MANY else None
-
-
-def _parted(formulation: Formulation) -> bool:
-    """Check for cascades and records that are too long for the engine's relaxations."""
-    return is_cascade(formulation) or _equations(formulation) > _LONG
 
 
 def _closed(found: Identification) -> bool:
@@ -467,7 +464,8 @@ def _by_simulation(
 ) -> Identification | None:
     """Settle all ends by simulations over regions; None where no box to begin with is finite.
 
-    Regions are parted where the engine has no better way.
+    Regions are parted where the engine has no better way: for cascades, and for the longest
+    records where rows over the first region tell much.
     """
     fits = task.deadline.part(_FITS if is_cascade(formulation) else _FIT)
     found = task.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
@@ -477,8 +475,10 @@ def _by_simulation(
     task.timed("points", lambda: _attained_ends(formulation, box, found, [0], task.deadline))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
-    deadline, cells = task.deadline.part(share), _CELLS if _parted(formulation) else 0
-    tighten = partial(tightened_cascade, found, box, task.settings.tol, deadline, cells)
+    cells = _CELLS if is_cascade(formulation) or _equations(formulation) > _REGIONS else 0
+    near = inf if is_cascade(formulation) else _NEAR
+    settings = task.settings.tol, task.deadline.part(share), cells, near
+    tighten = partial(tightened_cascade, found, box, *settings)
     tightened = task.kept("cells", tighten, None)
     if tightened is not None and tightened.empty:
         return task.empty(formulation, Outcome(box=tightened, notes=notes))

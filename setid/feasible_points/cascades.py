@@ -146,6 +146,7 @@ def tightened_cascade(
     tol: float,
     deadline: Deadline,
     cells: float = inf,
+    near: float = inf,
 ) -> SimulatedBox | None:
     """Prove a box near the ends that are attained.
 
@@ -159,6 +160,8 @@ def tightened_cascade(
     deadline : Deadline
     cells : float
         Regions that are parted at most.
+    near : float
+        As of :func:`~setid.feasible_set.simulations.simulated_box`.
     """
     fitting, p = found.fitting, len(found.fitting.formulation.parameters)
     widths, attained = fitting.upper - fitting.lower, None
@@ -182,6 +185,7 @@ def tightened_cascade(
         _SHARE * tol,
         deadline,
         cells,
+        near,
     )
 
 

@@ -71,6 +71,7 @@ def simulated_box(
     tol: float,
     deadline: Deadline,
     cells: float = inf,
+    near: float = inf,
 ) -> SimulatedBox | None:
     """Tighten a finite box by simulations over regions.
 
@@ -90,13 +91,15 @@ def simulated_box(
     deadline : Deadline
     cells : float
         Regions that are parted at most.
+    near : float
+        Of the attained widths: where the first region reaches farther beyond, none is parted.
     """
     if not np.all(np.isfinite(box)):
         return None
     region = first_region(formulation, *box, directions)
     root = _Grown(region)
     grower = _Grower(formulation, parts, attained, tol, deadline, cells)
-    complete = grower.grow(root)
+    complete = grower.grow(root, near)
     leaves = [g.region for g in grower.leaves if g.region is not None]
     p = len(formulation.parameters)
     lower, upper = np.full(p, np.inf), np.full(p, -np.inf)
@@ -134,11 +137,14 @@ class _Grower:
         self._cells = cells
         self.leaves: list[_Grown] = []
 
-    def grow(self, root: _Grown) -> bool:
+    def grow(self, root: _Grown, near: float) -> bool:
         """Tighten and part regions, the one that reaches farthest first; whether time sufficed."""
         self._tighten(root)
         if root.region is None:
             return True
+        if self._beyond(root.region) > near:
+            self.leaves.append(root)
+            return False
         scale = np.maximum(_widths(root.region), 1e-300)
         scale[self._parts.readings] = np.inf  # outputs are affine in them, nearly
         waiting: list[tuple[float, int, _Grown]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from fractions import Fraction
 
@@ -9,11 +10,15 @@ import numpy as np
 import pytest
 
 import setid
+import setid.identify
+from setid.feasible_points.cascades import cascade_ends, tightened_cascade
+from setid.feasible_set.start import find_box
 from setid.proofs.parameter_box import box_follows, start_of
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import half_spaces, recursion_of
 from setid.proofs.simulated.tree import Step, TreeNode
 from setid.result.json_parts import read, write
+from sparsepop_py.budget import Deadline
 
 MODEL = setid.TransferFunction(2, 2, nk=2)  # rows from sample 3 on; they rest on samples 1 and 2
 TRUTH = (-1.2, 0.5, 0.8, -0.3)
@@ -102,6 +107,43 @@ def found() -> setid.Identification:
 
 
 def test_a_record_is_closed_and_keeps_the_truth(found: setid.Identification) -> None:
+    for value, item in zip(TRUTH, found.intervals.values(), strict=True):
+        assert item.outer[0] <= value <= item.outer[1]
+        assert str(item.status) == "certified"
+    assert found.verify().ok
+
+
+def noisy(samples: int = 130, bound: float = 0.05) -> setid.IOData:
+    """Ten times the noise: rows over the first region alone close no end."""
+    random = np.random.default_rng(5)
+    u = random.uniform(-1.0, 1.0, samples)
+    y = np.array([float(v) for v in exact_outputs(TRUTH, (0.1, -0.2), u)])
+    return setid.IOData(u, y + bound * random.uniform(-1.0, 1.0, samples))
+
+
+def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_ends() -> None:
+    known = formulated(noisy(), output=0.05)
+    box, parts = find_box(known), recursion_of(known)
+    reached = cascade_ends(known, parts, box, Deadline(60.0))
+    leaves = [
+        tightened_cascade(reached, box, 1e-3, Deadline(60.0), 3, near).leaves
+        for near in (0.0, np.inf)
+    ]
+    assert leaves[0] == 1 < leaves[1]
+
+
+@pytest.mark.parametrize("parted", [True, False])
+def test_the_engine_closes_what_regions_leave_open(monkeypatch, parted: bool) -> None:
+    """Records count as long here, and as the longest, from 100 equations on."""
+    module = sys.modules["setid.identify"]
+    monkeypatch.setattr(module, "_MANY", 100)
+    monkeypatch.setattr(module, "_LONG", 100)
+    monkeypatch.setattr(module, "_CELLS", 3)
+    monkeypatch.setattr(module, "_NEAR", np.inf)
+    monkeypatch.setattr(module, "_REGIONS", 100 if parted else 1000)
+    options = setid.Options(time_limit=60.0, progress=False)
+    found = setid.identify(noisy(), MODEL, setid.Noise(output=0.05), options=options)
+    assert (found.box.leaves > 1) == parted
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert item.outer[0] <= value <= item.outer[1]
         assert str(item.status) == "certified"
