@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import highspy
 import numpy as np
 import pytest
 import scipy.sparse as sps
@@ -9,6 +10,8 @@ from hypothesis import given, settings
 from random_cases import SEEDS
 from scipy.optimize import linprog
 
+from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.lp import highs
 from sparsepop_py.lp.highs import LinearModel, solve_lp
 
 INF = np.inf
@@ -187,3 +190,25 @@ def test_largest_margin_of_an_interval():
     assert solve_lp(cost, rows, fixed, bounds) == pytest.approx([0.25, 0.25])
     away = sps.csr_array([[1.0]]), np.array([7.0])
     assert solve_lp(cost, rows, away, bounds) is None
+
+
+def test_a_program_has_the_time_until_the_kept_limit(monkeypatch):
+    model = LinearModel(
+        sps.csr_array(np.eye(2)), (np.zeros(2), np.ones(2)), (np.zeros(2), np.ones(2))
+    )
+    monkeypatch.setattr(highs, "before_check", lambda: 5.0)
+    model.solve(np.ones(2))
+    most = model._highs.getOptionValue("time_limit")[1]
+    assert 4.0 < most - model._highs.getRunTime() <= 5.0
+    model.solve(np.ones(2), time_limit=1.0)
+    assert model._highs.getOptionValue("time_limit")[1] - model._highs.getRunTime() <= 1.0
+
+
+def test_a_program_that_the_kept_limit_stops_ends_the_work(monkeypatch):
+    model = LinearModel(
+        sps.csr_array(np.eye(2)), (np.zeros(2), np.ones(2)), (np.zeros(2), np.ones(2))
+    )
+    monkeypatch.setattr(model._highs, "getModelStatus", lambda: highspy.HighsModelStatus.kTimeLimit)
+    assert model.solve(np.ones(2)).status == "stopped"
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        model.solve(np.ones(2))
