@@ -261,7 +261,7 @@ def solve_each(
 def _proved_again(
     points: Sequence[ProvedPoint], problem: Problem, deadline: Deadline
 ) -> list[ProvedPoint]:
-    """The points whose proofs hold for a problem; the first, and others while there is time."""
+    """Prove points again for a problem: the first, and others while there is time."""
     proved: list[ProvedPoint] = []
     for point in points:
         if proved and deadline.over:
