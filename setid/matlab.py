@@ -174,7 +174,7 @@ def _struct(value: Any, name: str) -> dict[str, Any]:
 
 
 def _kind(value: Any) -> str:
-    """What MATLAB's users call a value."""
+    """The word of MATLAB's users for a value."""
     if isinstance(value, str) or (isinstance(value, np.ndarray) and value.dtype.kind == "U"):
         return "text"
     if isinstance(value, np.ndarray) and value.dtype == object:

@@ -84,7 +84,7 @@ def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray
 
 
 def _found(frame: Any, name: Column, index: bool) -> tuple[Any, str]:
-    """What a frame calls by a name, and its unit."""
+    """The column or index of a name, and its unit."""
     known = getattr(frame, "columns", None)
     if known is None:
         raise DataError(f"frame: found {type(frame).__name__}, expected a DataFrame")
