@@ -221,7 +221,6 @@ def test_polynomial_models() -> None:
     assert result.status == "certified" and bool(result.verify())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.01, 0.03])
 def test_products_of_noisy_inputs_with_their_degree_cut(share: float) -> None:
     """y = v1 - .5 v1 v2 + .8 v1 v2 v3 with noise of a share of the largest output everywhere."""
@@ -240,6 +239,7 @@ def test_products_of_noisy_inputs_with_their_degree_cut(share: float) -> None:
         assert item.inner[1] - item.inner[0] > share  # each output is uncertain by more than that
 
 
+@pytest.mark.slow
 def test_separate_denominators_are_bounded_through_products_of_parameters() -> None:
     model, noise = setid.TransferFunction(1, 1, 1, inputs=2), setid.Noise(output=0.02)
     u = np.random.default_rng(0).uniform(-1, 1, (15, 2))
