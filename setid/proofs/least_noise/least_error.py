@@ -255,7 +255,7 @@ def output_bound(found: OutputErrors) -> float:
 
 
 def _engine_bound(found: OutputErrors) -> float:
-    """What box and certificate prove."""
+    """The bound that box and certificate prove."""
     if found.box is not None and found.box.empty:
         return found.radius
     if found.certificate is None:
