@@ -163,8 +163,10 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("record")
     group.add_argument("--input", action="append", metavar="COLUMN", help="may be repeated")
     group.add_argument("--output", action="append", metavar="COLUMN", help="may be repeated")
-    group.add_argument("--Ts", type=float, default=1.0, help="sampling time")
+    group.add_argument("--Ts", type=float, help="sampling time (of --time, else 1)")
+    group.add_argument("--time", metavar="COLUMN", help="of times, which are checked")
     group.add_argument("--decimal", choices=(".", ","), default=".", help="decimal mark (.)")
+    group.add_argument("--header", type=int, metavar="LINES", help="2: names, then units")
     group.add_argument("--rows", metavar="FIRST:END", help="part of the record, from 0")
     for kind in ("output", "input", "equation"):
         group.add_argument(f"--{kind}-noise", type=float, metavar="BOUND", help=_NOISE[kind])
@@ -175,8 +177,15 @@ def _record(arguments: argparse.Namespace) -> IOData:
     defaults = _default_columns(arguments.record)
     inputs = _columns(arguments.input) or [defaults[0]]
     outputs = _columns(arguments.output) or [defaults[1]]
+    times = None if arguments.time is None else _columns([arguments.time])[0]
     data = IOData.from_csv(
-        arguments.record, inputs, outputs, arguments.Ts, decimal=arguments.decimal
+        arguments.record,
+        inputs,
+        outputs,
+        arguments.Ts,
+        decimal=arguments.decimal,
+        header=arguments.header,
+        time=times,
     )
     if arguments.rows is None:
         return data

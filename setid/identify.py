@@ -75,6 +75,7 @@ from setid.result.holdout import Holdout
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["identify"]
 
@@ -548,7 +549,8 @@ def _without_box(
     free, alone = free_parameters(formulation)
     unbounded: Unbounded | None = None
     if not free:
-        unbounded = task.timed("common factor", lambda: find_unbounded(formulation, task.until))
+        find = partial(find_unbounded, formulation, task.until)
+        unbounded = task.kept("common factor", find, None)
     why = (unbounded_text(formulation, loose),) if unbounded is None else simpler_text(unbounded)
     notes = (*outcome.notes, *(free_text(free) or why))
     scaled = in_units(_stated(outcome), formulation)
@@ -655,12 +657,9 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     """Results that claim the best of known points where time ended before one was adopted."""
     made: list[sp.Result] = []
     for found in results:
-        if found.attained is None and found.status is not sp.Status.INFEASIBLE:
-            goal = found.problem.objective
-            again = (p.recheck(found.problem) for p in sorted(points, key=lambda p: goal(p.x)))
-            best = next((p for p in again if p is not None), None)
-            if best is not None:
-                found = replace(found, attained=best, upper_bound=best.value)
+        if points and found.attained is None and found.status is not sp.Status.INFEASIBLE:
+            best = min((valued(point, found.problem) for point in points), key=lambda p: p.value)
+            found = replace(found, attained=best, upper_bound=best.value)
         made.append(found)
     return made
 

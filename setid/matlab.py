@@ -15,6 +15,7 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
+from setid.export.matlab_files import ureal_script
 from setid.identify import identify
 from setid.models.equations import Initial
 from setid.models.lti import TransferFunction
@@ -61,7 +62,8 @@ def identify_structs(
     list of one dict
         A struct with ``names``, ``outer`` (proved), ``inner`` (attained, NaN where none is),
         ``status``, ``centre``, ``best``, ``verified``, ``samples`` (from 1), ``table``,
-        ``summary`` and ``assumptions``.
+        ``summary``, ``ureal`` (the script of :func:`setid.to_ureal`, empty where there is none)
+        and ``assumptions``.
 
     Raises
     ------
@@ -89,8 +91,8 @@ def _identified(
     if unknown:
         raise SetidError(f"options.{unknown[0]}: found it, expected one of {', '.join(_KNOWN)}")
     data = IOData(
-        _columns(u),
-        _columns(y),
+        _columns(u, "u"),
+        _columns(y, "y"),
         _number(Ts, "Ts"),
         input_names=_texts(options.get("inputNames")),
         output_names=_texts(options.get("outputNames")),
@@ -102,18 +104,20 @@ def _identified(
         nk,
         inputs=data.inputs,
         outputs=data.outputs,
-        common_denominator=_flag(options.get("commonDenominator")),
-        offset=_flag(options.get("offset")),
+        common_denominator=_flag(options, "commonDenominator"),
+        offset=_flag(options, "offset"),
         initial=_initial(_text(options.get("initial")) or "free"),
     )
-    priors: list[Any] = [Stable()] if _flag(options.get("stable")) else []
+    priors: list[Any] = [Stable()] if _flag(options, "stable") else []
     if np.size(options.get("dcGain", [])):
-        ends = np.ravel(np.asarray(options["dcGain"], float))
-        priors.append(DCGain(*ends.tolist()))
-    limit: Any = options.get("timeLimit")
+        ends = _reals(options["dcGain"], "options.dcGain").ravel().tolist()
+        if len(ends) > 2:
+            raise SetidError(f"options.dcGain: found {len(ends)} numbers, expected [low high]")
+        priors.append(DCGain(ends[0], ends[-1]))
+    tol, limit = _optional(options, "tol"), _optional(options, "timeLimit")
     settings = Options(
-        tol=_number(options["tol"], "options.tol") if np.size(options.get("tol", [])) else 1e-3,
-        time_limit=None if np.size(limit) == 0 or limit is None else _number(limit, "timeLimit"),
+        tol=1e-3 if tol is None else tol,
+        time_limit=limit,
         progress=False,
     )
     return identify(data, model, _noise(noise), priors, settings)
@@ -137,9 +141,17 @@ def _answer(result: Identification) -> dict[str, Any]:
         "verified": bool(result.verify()),
         "samples": samples,
         "table": result.table(),
-        "summary": result.summary(),
+        "summary": f"{result.summary()}\n(this text counts samples from 0)",
+        "ureal": _script(result),
         "assumptions": cell(result.assumptions),
     }
+
+
+def _script(result: Identification) -> str:
+    try:
+        return ureal_script(result)
+    except SetidError:  # no finite intervals, or no members
+        return ""
 
 
 # ---- what MATLAB hands over -------------------------------------------------------------
@@ -154,49 +166,83 @@ def _struct(value: Any, name: str) -> dict[str, Any]:
     if isinstance(value, dict):
         return dict(value)
     if isinstance(value, np.ndarray) and value.dtype.names is not None:
+        if value.size > 1:
+            raise SetidError(f"{name}: found {value.size} structs, expected one")
         first = value.ravel()[0]
         return {field: first[field] for field in value.dtype.names}
-    raise SetidError(f"{name}: found {type(value).__name__}, expected a struct")
+    raise SetidError(f"{name}: found {_kind(value)}, expected a struct")
+
+
+def _kind(value: Any) -> str:
+    """The word of MATLAB's users for a value."""
+    if isinstance(value, str) or (isinstance(value, np.ndarray) and value.dtype.kind == "U"):
+        return "text"
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return "a cell array"
+    return "numbers" if np.size(value) != 1 else "a number"
 
 
 def _noise(value: Any) -> Noise:
-    if isinstance(value, dict) or (isinstance(value, np.ndarray) and value.dtype.names):
-        parts = _struct(value, "noise")
-        unknown = sorted(set(parts) - set(_NOISE))
-        if unknown:
-            raise SetidError(f"noise.{unknown[0]}: found it, expected {', '.join(_NOISE)}")
-        return Noise(**{kind: _bound(bound) for kind, bound in parts.items()})
-    return Noise(output=_bound(value))
+    if np.asarray(value).dtype.kind in "biuf":
+        return Noise(output=_bound(value, "noise"))
+    parts = _struct(value, "noise")
+    unknown = sorted(set(parts) - set(_NOISE))
+    if unknown:
+        raise SetidError(f"noise.{unknown[0]}: found it, expected {', '.join(_NOISE)}")
+    if not parts:
+        raise SetidError(f"noise: found no bound, expected a number or {', '.join(_NOISE)}")
+    return Noise(**{kind: _bound(bound, f"noise.{kind}") for kind, bound in parts.items()})
 
 
-def _bound(value: Any) -> Any:
+def _bound(value: Any, name: str) -> Any:
     """One number, one a channel, or one a sample."""
-    bound = np.asarray(value, float)
+    bound = _reals(value, name)
+    if not bound.size:
+        raise SetidError(f"{name}: found [], expected a bound")
     return float(bound.ravel()[0]) if bound.size == 1 else np.squeeze(bound)
 
 
-def _columns(value: Any) -> NDArray[np.float64]:
-    values = np.asarray(value, float)
+def _reals(value: Any, name: str) -> NDArray[np.float64]:
+    """An array of numbers; texts, cells and structs are none."""
+    try:
+        kind = np.asarray(value).dtype.kind
+        if kind in "biuf":
+            return np.asarray(value, float)
+    except ValueError:
+        pass
+    raise SetidError(f"{name}: found {_kind(value)}, expected numbers")
+
+
+def _columns(value: Any, name: str) -> NDArray[np.float64]:
+    values = _reals(value, name)
     return values.ravel() if values.ndim == 2 and 1 in values.shape else values
 
 
 def _number(value: Any, name: str) -> float:
-    values = np.asarray(value, float).ravel()
+    values = _reals(value, name).ravel()
     if values.size != 1:
         raise SetidError(f"{name}: found {values.size} numbers, expected one")
     return float(values[0])
 
 
+def _optional(options: dict[str, Any], name: str) -> float | None:
+    value = options.get(name)
+    return None if value is None or not np.size(value) else _number(value, f"options.{name}")
+
+
 def _orders(value: Any, name: str) -> Any:
-    values = np.asarray(value, float)
-    if not np.all(values == np.round(values)):
+    values = _reals(value, name)
+    if not np.all(np.isfinite(values)) or not np.all(values == np.round(values)):
         raise SetidError(f"{name}: found {values.tolist()}, expected integers")
     whole = values.astype(int)
     return int(whole.ravel()[0]) if whole.size == 1 else whole.tolist()
 
 
-def _flag(value: Any) -> bool:
-    return value is not None and bool(np.size(value)) and bool(np.all(np.asarray(value)))
+def _flag(options: dict[str, Any], name: str) -> bool:
+    value = options.get(name)
+    if value is None or np.size(value) == 0:
+        return False
+    return bool(np.all(_reals(value, f"options.{name}")))
 
 
 def _initial(text: str) -> Initial:

@@ -66,13 +66,16 @@ def add_verify(commands: Any) -> None:
         help="the table of samples that it should be about, with columns as in the file",
     )
     command.add_argument("--decimal", choices=(".", ","), default=".", help="its decimal mark (.)")
+    command.add_argument("--header", type=int, metavar="LINES", help="2: names, then units")
 
 
 def _run(arguments: argparse.Namespace) -> int:
     result = _read(arguments.file)
     data = None
     if arguments.record is not None:
-        data = _record(arguments.record, result.formulation.data, arguments.decimal)
+        data = _record(
+            arguments.record, result.formulation.data, arguments.decimal, arguments.header
+        )
     verdict = verify(result.evidence, data)
     if not verdict.ok:
         print(f"NOT PROVED  {verdict.reason}")
@@ -103,9 +106,11 @@ def _read(path: str) -> Identification:
     return result
 
 
-def _record(path: str, stored: IOData, decimal: str) -> IOData:
+def _record(path: str, stored: IOData, decimal: str, header: int | None) -> IOData:
     """Read a table with the channels and the sampling time of a stored record."""
     names = [*stored.input_names, *stored.output_names]
     columns: list[str | int] = [*names] if has_names(path) else [*range(len(names))]
     nu = stored.inputs
-    return IOData.from_csv(path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal)
+    return IOData.from_csv(
+        path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal, header=header
+    )

@@ -24,7 +24,17 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["EARLY", "TOO_LONG", "Deadline", "LimitReached", "check", "pace", "spend", "spent"]
+__all__ = [
+    "EARLY",
+    "TOO_LONG",
+    "Deadline",
+    "LimitReached",
+    "before_check",
+    "check",
+    "pace",
+    "spend",
+    "spent",
+]
 
 TOO_LONG = "too long for the time left"  # in notes about what was not begun
 _GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
@@ -94,6 +104,11 @@ def check() -> None:
     """
     if time.monotonic() >= _KEPT.wall or (_KEPT.cpu < np.inf and time.process_time() >= _KEPT.cpu):
         raise LimitReached
+
+
+def before_check() -> float:
+    """Return seconds of wall time before :func:`check` raises, inf without kept limits."""
+    return _KEPT.wall - time.monotonic()
 
 
 def pace() -> float:

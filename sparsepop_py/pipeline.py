@@ -193,7 +193,8 @@ def solve_each(
     repair : callable, optional
         Given a candidate vector (n,), a better one: used before local searches.
     points : sequence of ProvedPoint
-        Feasible points that are known already (effort ``"auto"``); each is proved again.
+        Feasible points that are known already (effort ``"auto"``); each is proved again, as
+        long as there is time.
     branch_on : sequence of int, optional
         Takes the place of ``options.branch_on``.
     on_progress : callable, optional
@@ -238,15 +239,16 @@ def solve_each(
         tasks = [(problem.with_objective(each), options, start) for each in objectives]
         return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
+    deadline = _deadline(options)
     several = _Several(
         problem,
         objectives,
         options,
         Stages(options.progress, on_progress),
-        _deadline(options),
+        deadline,
         _start_vectors(problem, start),
         repair,
-        [p for p in (point.recheck(problem) for point in points) if p is not None],
+        _proved_again(points, problem, deadline),
     )
     try:
         with several.deadline.kept():
@@ -254,6 +256,20 @@ def solve_each(
         return [_result(state, known) for state in states]
     finally:
         several.stages.close()
+
+
+def _proved_again(
+    points: Sequence[ProvedPoint], problem: Problem, deadline: Deadline
+) -> list[ProvedPoint]:
+    """Prove points again for a problem: the first, and others while there is time."""
+    proved: list[ProvedPoint] = []
+    for point in points:
+        if proved and deadline.over:
+            break
+        again = point.recheck(problem)
+        if again is not None:
+            proved.append(again)
+    return proved
 
 
 def _solve_apart(

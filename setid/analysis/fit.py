@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,17 +20,21 @@ from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import fit as fit_of
 from setid.feasible_points.best import predicted
-from setid.feasible_points.output_error import output_error_fit
+from setid.feasible_points.output_error import least_error_at, output_error_fit
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 from setid.formulation.regression import Regression, check_channels, regression_of_data
 from setid.formulation.units import in_units
 from setid.html import section, table
+from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.denominators import least_output_noise
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Verification
+from setid.proofs.existence import proved_point
+from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.least_noise.least_error import (
     Multipliers,
     Norm,
@@ -38,11 +42,13 @@ from setid.proofs.least_noise.least_error import (
     attained_norm,
     equation_bound,
     error_problem,
+    error_rows,
     exact_norm,
     output_bound,
     stated,
     verify_output,
 )
+from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.scaled import solve_scaled
 
 if TYPE_CHECKING:
@@ -55,6 +61,9 @@ Errors = Literal["output", "equation"]
 
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
+_ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
+_CELLS = 0.5  # of the time, for cells of denominators
+_PART = 0.5  # of the tolerance, for them
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -76,7 +85,7 @@ class Fit:
     attained : bool
     lower_bound : float
         Proved: no parameters have a smaller error.
-    certificate : sparsepop_py.Certificate, Multipliers or None
+    certificate : sparsepop_py.Certificate, DenominatorCells, Multipliers or None
         What proves it; None where nothing is proved and the bound is 0.
     outputs : (N, ny) float
         Outputs of the model, NaN where there are none.
@@ -101,7 +110,7 @@ class Fit:
     error: float
     attained: bool
     lower_bound: float
-    certificate: sp.Certificate | Multipliers | None
+    certificate: sp.Certificate | DenominatorCells | Multipliers | None
     outputs: Reals
     data: IOData
     model: Structure
@@ -242,8 +251,9 @@ def fit(
     Notes
     -----
     Equation errors are convex: the multipliers of a linear program, or the residuals of least
-    squares, are corrected in rationals and prove the bound. Output errors are not: the engine
-    minimises over the parameters that a local fit does not exclude.
+    squares, are corrected in rationals and prove the bound. Output errors are not: cells of
+    denominators refute smaller errors of a single output, and the engine minimises over the
+    parameters that a local fit does not exclude where a gap is left.
 
     Examples
     --------
@@ -361,24 +371,30 @@ def _output(
 ) -> Fit:
     until = settings.deadline()
     theta, outputs = output_error_fit(data, model, until)
+    refuted = _refuted(stated(data, model, priors, 1.0), norm, settings, until)
+    for denominator in refuted.best[:1]:
+        other = least_error_at(data, model, norm, denominator)
+        if _norm(data.y - other[1], norm) < _norm(data.y - outputs, norm):
+            theta, outputs = other
     error = _norm(data.y - outputs, norm)
     radius = float(error * (1.0 + _MARGIN))
     known: OutputErrors | None = None
     low, attained = 0.0, False
     if 0 < radius < inf:
         formulation = stated(data, model, priors, radius)
-        box = find_box(formulation, until)
-        found = _solve(formulation, box, norm, radius, outputs, (theta, settings, until))
-        proof = None if found is None else found.certificate
-        point = None if found is None else found.attained
-        known = OutputErrors(norm, radius, formulation, box, proof, point)
+        level, cells = refuted.factor, refuted.cells
+        known = OutputErrors(norm, radius, formulation, None, None, None, level, cells)
+        point = _at_fit(known, theta, outputs)
+        known = replace(known, attained=point)
+        if point is None or level < (1.0 - settings.tol) * error:
+            known = _by_engine(known, outputs, (theta, settings, until))
         low = output_bound(known)
-        if found is not None and found.attained is not None:
-            value = found.attained.value
+        if known.attained is not None:
+            value = known.attained.value
             claimed = attained_norm(known, value + _ULPS * abs(value))
             if verify_output(known, 0.0, claimed):
                 attained, error = True, claimed
-                theta, outputs = _of_point(known, found.attained)
+                theta, outputs = _of_point(known, known.attained)
     return Fit(
         names=model.parameters if known is None else known.formulation.parameters,
         theta=frozen(theta),
@@ -387,7 +403,7 @@ def _output(
         error=error,
         attained=attained,
         lower_bound=min(low, error),
-        certificate=None if known is None else known.certificate,
+        certificate=None if known is None else known.certificate or known.cells,
         outputs=frozen(outputs),
         data=data,
         model=model,
@@ -395,34 +411,58 @@ def _output(
     )
 
 
-def _solve(
-    formulation: Formulation,
-    box: Any,
-    norm: Norm,
-    radius: float,
-    outputs: Reals,
-    rest: tuple[Reals, Options, float],
-) -> sp.Result | None:
-    """Bound and attain the least error, from the local fit; None without a finite box."""
-    theta, settings, until = rest
-    if box is not None and box.empty:
-        return None
-    problem = error_problem(formulation, box, norm, radius)
-    p = len(formulation.parameters)
-    if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
-        return None
-    scaled = in_units(problem, formulation)
-    x = np.zeros(problem.dimension)
-    x[formulation.layout.group("theta")] = theta
+def _refuted(
+    formulation: Formulation, norm: Norm, settings: Options, until: float
+) -> FoundDenominators:
+    """Refute errors by cells of denominators, where there is one output."""
+    rows = error_rows(formulation, norm, 1.0)
+    if rows is None or rows.order == 0:
+        return FoundDenominators(0.0, None, ())
+    left = None if until == inf else _CELLS * max(until - time.monotonic(), 1e-3)
+    return least_output_noise(rows, 0, _PART * settings.tol, Deadline(left))
+
+
+def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0) -> Reals:
+    """All unknowns of the problem of the least error at a fit; sizes with some room."""
+    formulation, norm = known.formulation, known.norm
     numbers = formulation.layout.group("eta")
     errors = (formulation.data.y - outputs)[numbers >= 0]
+    x = np.zeros(formulation.problem.dimension)
+    x[formulation.layout.group("theta")] = theta
     x[numbers[numbers >= 0]] = errors
-    sizes = problem.dimension - formulation.problem.dimension
-    if sizes:
-        x[-sizes:] = np.abs(errors) if norm == "l1" else np.abs(errors).max()
+    if norm == "l2":
+        return x
+    sizes = np.abs(errors) if norm == "l1" else np.abs(errors).max(keepdims=True)
+    return np.concatenate([x, sizes + room * float(np.abs(errors).max())])
+
+
+def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint | None:
+    """Prove that the error of a fit is attained."""
+    problem = error_problem(known.formulation, known.box, known.norm, known.radius)
+    scaled = in_units(problem, known.formulation)
+    x = _vector(known, theta, outputs, _ROOM) / scaled.units
+    return proved_point(known.formulation, scaled.problem, x)
+
+
+def _by_engine(
+    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+) -> OutputErrors:
+    """Bound and attain the least error, from the local fit; as it was without a finite box."""
+    theta, settings, until = rest
+    formulation, norm = known.formulation, known.norm
+    known = replace(known, box=find_box(formulation, until), attained=None)
+    if known.box is not None and known.box.empty:
+        return known
+    problem = error_problem(formulation, known.box, norm, known.radius)
+    p = len(formulation.parameters)
+    point = _at_fit(known, theta, outputs)
+    if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
+        return replace(known, attained=point)
+    scaled = in_units(problem, formulation)
+    x = _vector(known, theta, outputs)
     start = np.clip(x, problem.lower, problem.upper) / scaled.units
     left = None if until == inf else max(until - time.monotonic(), 1e-3)
-    size = 2.0 * radius**2 if norm == "l2" else radius  # of the objective, for a relative gap
+    size = 2.0 * known.radius**2 if norm == "l2" else known.radius  # for a relative gap
     options = sp.Options(
         effort="auto",
         gap=settings.tol * size / scaled.factor,
@@ -430,7 +470,11 @@ def _solve(
         solver=settings.solver,
         time_limit=left,
     )
-    return sp.solve(scaled.problem, options, start=start)
+    found = sp.solve(scaled.problem, options, start=start)
+    best = found.attained
+    if best is None or (point is not None and point.value < best.value):
+        best = point
+    return replace(known, certificate=found.certificate, attained=best)
 
 
 def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> tuple[Reals, Reals]:

@@ -1,12 +1,19 @@
-"""The door of setid to pandas, which is optional."""
+"""The door of setid to pandas, which is optional, and to other tables with columns by name."""
 
 from __future__ import annotations
 
 from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import real_array
+from setid.data.tables import Column
+from setid.errors import DataError
 
-__all__ = ["require_pandas"]
+__all__ = ["frame_column", "require_pandas", "series_names"]
 
 
 def require_pandas() -> ModuleType:
@@ -24,3 +31,87 @@ def require_pandas() -> ModuleType:
             "pandas is missing; install it with: pip install 'sparsepop-py[frames]'"
         ) from error
     return pandas
+
+
+def series_names(given: Any) -> tuple[str, ...] | None:
+    """Names of the columns of a DataFrame or of a Series; None without any.
+
+    Parameters
+    ----------
+    given : object
+        Anything that stands for channels.
+    """
+    names = getattr(given, "columns", None)
+    every = [getattr(given, "name", None)] if names is None else list(names)
+    texts = tuple(name for name in every if isinstance(name, str) and name)
+    return texts if texts and len(texts) == len(every) else None
+
+
+def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray[np.float64], str]:
+    """A column (N,) of a DataFrame as doubles, missing values as NaN, and its unit.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Of pandas, or another with columns by name that go to numpy.
+    name : str or int
+        As the frame calls it. Where the frame has two lines of names, the first of them; the
+        second holds the unit.
+    dates : bool
+        Whether dates are wanted, as seconds since the first, and the index where that has the
+        name.
+
+    Raises
+    ------
+    DataError
+        If there is no such column, or it holds something else.
+    """
+    column, unit = _found(frame, name, dates)
+    values = _seconds(column) if dates else None
+    if values is not None:
+        return values, "s"
+    values = np.asarray(column)
+    if values.dtype.kind == "O":  # columns with marks of missing values
+        values = np.array([np.nan if _is_gap(item) else item for item in values], object)
+    if values.dtype.kind in "bmM" or any(
+        isinstance(v, (str, bytes, bool)) for v in values.tolist()
+    ):
+        raise DataError(f"frame, column {name!r}: found {values[0]!r:.40}, expected real numbers")
+    found = real_array(values, f"frame, column {name!r}", DataError)
+    if found.ndim != 1:
+        raise DataError(f"frame, column {name!r}: found shape {found.shape}, expected (N,)")
+    return found, unit
+
+
+def _found(frame: Any, name: Column, index: bool) -> tuple[Any, str]:
+    """The column or index of a name, and its unit."""
+    known = getattr(frame, "columns", None)
+    if known is None:
+        raise DataError(f"frame: found {type(frame).__name__}, expected a DataFrame")
+    known = list(known)
+    pairs = [key for key in known if isinstance(key, tuple) and len(key) == 2 and key[0] == name]
+    if known.count(name) == 1:
+        return frame[name], ""
+    if len(pairs) == 1:
+        return frame[pairs[0]], str(pairs[0][1]).strip("[]()")
+    if index and getattr(getattr(frame, "index", None), "name", None) == name:
+        return frame.index, ""
+    raise DataError(f"frame: found no single column {name!r}, expected one of {known!r:.200}")
+
+
+def _seconds(column: Any) -> NDArray[np.float64] | None:
+    """Seconds since the first of dates or of spans of time, NaN where one is missing."""
+    dates = getattr(column, "dt", column)
+    if getattr(dates, "tz", None) is not None:
+        column = dates.tz_convert(None)
+    values = np.asarray(column)
+    if values.dtype.kind not in "mM":
+        return None
+    if values.size == 0:
+        return np.zeros(0)
+    return np.asarray((values - values[0]) / np.timedelta64(1, "s"), np.float64)
+
+
+def _is_gap(item: Any) -> bool:
+    """Tell marks of missing values of any table from values."""
+    return item is None or type(item).__name__ in ("NAType", "NaTType")

@@ -14,7 +14,7 @@ from setid.data.checks import real_array
 from setid.data.tables import Column
 from setid.errors import DataError
 
-__all__ = ["frame_column", "listed", "read_mat_columns", "stacked"]
+__all__ = ["listed", "read_mat_columns", "stacked"]
 
 
 def _check_distinct(
@@ -64,48 +64,6 @@ def read_mat_columns(
             raise DataError(f"{path}: {name}: found shape {values.shape}, expected a matrix")
         arrays.append(values.T.copy() if values.shape[0] < values.shape[1] else values)
     return arrays
-
-
-def frame_column(frame: Any, name: Column, dates: bool = False) -> NDArray[np.float64]:
-    """A column (N,) of a DataFrame as doubles, missing values as NaN.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Of pandas, or another with columns by name that go to numpy.
-    name : str or int
-        As the frame calls it.
-    dates : bool
-        Whether dates are wanted, as seconds since the first.
-
-    Raises
-    ------
-    DataError
-        If there is no such column, or it holds something else.
-    """
-    known = getattr(frame, "columns", None)
-    if known is None:
-        raise DataError(f"frame: found {type(frame).__name__}, expected a DataFrame")
-    if list(known).count(name) != 1:
-        raise DataError(
-            f"frame: found no single column {name!r}, expected one of {[*known]!r:.200}"
-        )
-    values = np.asarray(frame[name])
-    if dates and values.dtype.kind == "M":
-        return np.asarray((values - values[0]) / np.timedelta64(1, "s"), np.float64)
-    if values.dtype.kind == "O":  # columns with marks of missing values
-        values = np.array([np.nan if _is_gap(item) else item for item in values], object)
-    if values.dtype.kind == "b" or any(isinstance(v, (str, bytes, bool)) for v in values.tolist()):
-        raise DataError(f"frame, column {name!r}: found {values[0]!r:.40}, expected real numbers")
-    found = real_array(values, f"frame, column {name!r}", DataError)
-    if found.ndim != 1:
-        raise DataError(f"frame, column {name!r}: found shape {found.shape}, expected (N,)")
-    return found
-
-
-def _is_gap(item: Any) -> bool:
-    """Tell marks of missing values of any table from values."""
-    return item is None or type(item).__name__ in ("NAType", "NaTType")
 
 
 def listed(given: Column | Sequence[Column]) -> list[Any]:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.data.channels import labels, names_of, units_of
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
-from setid.data.readers import frame_column, listed, read_mat_columns, stacked
+from setid.data.frames import frame_column, series_names
+from setid.data.readers import listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
 from setid.errors import DataError, SetidWarning
@@ -46,8 +47,8 @@ class IOData:
         A range that every noise-free sample is known to lie in. Missing samples become
         bounded unknowns with it; without it, equations that need them are left out.
     input_names, output_names : str or sequence of str, optional
-        Names of the channels on tables and axes; u1, u2, ... and y1, y2, ... when left out.
-        Equations and coefficients keep to these numbers.
+        Names of the channels on tables and axes; when left out those of a DataFrame or Series,
+        else u1, u2, ... and y1, y2, .... Equations and coefficients keep to these numbers.
     input_units, output_units : str or sequence of str, optional
         Their units; empty when left out.
     time_unit : str
@@ -103,6 +104,8 @@ class IOData:
         output_units: Sequence[str] | str | None = None,
         time_unit: str = "",
     ) -> None:
+        input_names = series_names(u) if input_names is None else input_names
+        output_names = series_names(y) if output_names is None else output_names
         inputs, outputs = channels_of(u, "u"), channels_of(y, "y")
         if inputs.shape[0] != outputs.shape[0]:
             raise DataError(
@@ -274,28 +277,38 @@ class IOData:
         Parameters
         ----------
         frame : DataFrame
-            Rows are samples in their order; the index is not looked at.
+            Rows are samples in their order.
         inputs, outputs : str or sequence of str
             Names of columns, which stay those of the channels. Missing values are missing
-            samples.
+            samples. Where the frame has two lines of names (``pandas.read_csv(header=[0, 1])``),
+            the second holds the units.
         Ts : float, optional
             Sampling time; that of the column ``time`` when left out, 1 without one.
         time : str, optional
-            A column of times or of dates (then in seconds). As of :meth:`from_csv`.
+            A column of times, or the name of the index. Dates and spans of time count in seconds.
+            As of :meth:`from_csv`; without it the index is not looked at.
         time_unit : str
             Unit of the times.
 
         Raises
         ------
         DataError
-            If a column is missing or holds no numbers, or times do not fit.
+            If a column is missing, is given twice or holds no numbers, or times do not fit.
         """
         left, right = listed(inputs), listed(outputs)
-        arrays = [frame_column(frame, name) for name in [*left, *right]]
+        clock = [] if time is None else [time]
+        given = [*left, *right, *clock]
+        if twice := [name for name in given if given.count(name) > 1]:
+            raise DataError(
+                f"frame: found column {twice[0]!r} for two signals, expected one for each"
+            )
+        read = [frame_column(frame, name) for name in [*left, *right]]
+        arrays, units = [values for values, _ in read], [unit for _, unit in read]
         notes: tuple[str, ...] = ()
         if time is not None:
-            clock = frame_column(frame, time, dates=True)
-            Ts, notes = sampling_time(clock, Ts, f"column {time!r}")
+            times, unit = frame_column(frame, time, dates=True)
+            Ts, notes = sampling_time(times, Ts, f"column {time!r}")
+            time_unit = time_unit or unit
         return cls(
             stacked(arrays[: len(left)]),
             stacked(arrays[len(left) :]),
@@ -303,6 +316,8 @@ class IOData:
             assumptions=notes,
             input_names=[str(name) for name in left],
             output_names=[str(name) for name in right],
+            input_units=units[: len(left)],
+            output_units=units[len(left) :],
             time_unit=time_unit,
         )
 

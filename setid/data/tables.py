@@ -31,6 +31,7 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
 _MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _MARKS = ("#", "%")
+_HEADER = "; if this line is a second header, say header=2"
 _MOST_QUOTED = 60  # characters of a line that a message shows
 
 
@@ -264,6 +265,10 @@ def _doubtful_commas(path: PathLike, rows: list[tuple[int, list[str]]]) -> tuple
     )
 
 
+def _is_number(field: str) -> bool:
+    return any(_value(field, mark) is not None for mark in ".,")
+
+
 def _quoted(line: str) -> str:
     return repr(line if len(line) <= _MOST_QUOTED else line[:_MOST_QUOTED] + "...")
 
@@ -294,8 +299,10 @@ def _samples(
         for out, place in enumerate(places):
             value = _value(fields[place], decimal)
             if value is None:
-                other = _value(fields[place], "," if decimal == "." else ".")
-                hint = "" if other is None else "; if that is a decimal mark, say decimal="
+                mark = "," if decimal == "." else "."
+                hint = f"; if that is a decimal mark, say decimal={mark!r}"
+                if _value(fields[place], mark) is None:
+                    hint = _HEADER if not any(map(_is_number, fields)) and row == 0 else ""
                 raise DataError(
                     f"{path}, line {number}, column {place}: found {fields[place]!r}, "
                     f"expected a number{hint}"

@@ -18,7 +18,7 @@ from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
 from sparsepop_py.files import write_text
 
-__all__ = ["to_mat", "to_ureal"]
+__all__ = ["to_mat", "to_ureal", "ureal_script"]
 
 
 def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
@@ -92,6 +92,22 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     >>> print(setid.to_ureal(result, "model.m").read_text().splitlines()[-1])
     G = tf([b0 0], [1 a1], 1);
     """
+    write_text(path, ureal_script(result))
+    return Path(path)
+
+
+def ureal_script(result: FeasibleSet) -> str:
+    """The script of :func:`to_ureal`.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Raises
+    ------
+    ModelError
+        As there.
+    """
     result.require_members()
     formulation = result.formulation
     model = formulation.model
@@ -120,8 +136,7 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     rows = [", ".join(_transfer(t, step) for t in row) for row in pairs]
     single = model.inputs == model.outputs == 1
     lines.append(f"G = {rows[0]};" if single else f"G = [{'; '.join(rows)}];")
-    write_text(path, "\n".join(lines) + "\n")
-    return Path(path)
+    return "\n".join(lines) + "\n"
 
 
 def _nominal(result: FeasibleSet) -> Any:

@@ -25,12 +25,13 @@ from setid.simulation.responses import run
 from sparsepop_py.budget import check
 from sparsepop_py.lp.scaled import solve_scaled
 
-__all__ = ["least_largest_error", "output_error_fit"]
+__all__ = ["least_error_at", "least_largest_error", "output_error_fit"]
 
 Reals = NDArray[np.float64]
 _STEPS = 200  # evaluations of a local search
 _PROGRAMS = 12  # linear programs
 _REFINED = 3  # linear programs for a given denominator
+_ROUNDED = 1e-14  # entries of orthonormal columns that are rounding
 _HUGE = 1e100  # stands for errors that overflow
 
 
@@ -68,8 +69,8 @@ class _Simulation:
         errors = np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE)
         return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
 
-    def at(self, denominator: Reals, shares: Callable[[Reals], Reals]) -> Reals:
-        """The other unknowns with the least largest share, where a denominator is given."""
+    def at(self, denominator: Reals, shares: Callable[[Reals], Reals], norm: str = "linf") -> Reals:
+        """The other unknowns with the least shares in a norm, where a denominator is given."""
         places = [self.model.parameters.index(n) for n in self.model.transfer(1, 1).denominator]
         x = self.first.copy()
         x[places] = denominator
@@ -83,16 +84,19 @@ class _Simulation:
         best, least = x.copy(), inf
         for _ in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
             values = shares(x)
-            largest = float(np.abs(values).max())
-            if largest < least:
+            size = float(np.abs(values).sum() if norm == "l1" else np.abs(values).max())
+            if size < least:
                 best = x.copy()
             slopes = _slopes(shares, x, values, 1.0)[:, others]
-            if not (largest < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
+            if not (size < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
                 break
-            least = largest
+            least = size
+            if norm == "l2":
+                break
             columns, triangle = np.linalg.qr(slopes)
-            far = np.full(columns.shape[1], 2.0 * np.sqrt(values.size) * largest)
-            step = _linear_step(values, columns, far)
+            columns[np.abs(columns) < _ROUNDED] = 0.0  # scales of programs would follow these
+            far = np.full(columns.shape[1], 2.0 * np.sqrt(values.size) * size)
+            step = _linear_step(values, columns, far, norm)
             if step is None:
                 break
             x[others] += np.linalg.lstsq(triangle, step, rcond=None)[0]
@@ -139,6 +143,30 @@ def output_error_fit(data: IOData, model: Structure, until: float = inf) -> tupl
     """
     simulation = _Simulation(data, model, until)
     x = simulation.fitted()
+    return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
+
+
+def least_error_at(
+    data: IOData, model: Structure, norm: str, denominator: Reals
+) -> tuple[Reals, Reals]:
+    """Fit the simulation of one output where the denominator is given.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+    norm : {"linf", "l2", "l1"}
+        Of the errors, which are affine in the other unknowns.
+    denominator : (n,) float
+        Coefficients a_1, ..., a_n.
+
+    Returns
+    -------
+    theta : (p,) float
+    outputs : (N, ny) float
+    """
+    simulation = _Simulation(data, model)
+    x = simulation.at(denominator, simulation.errors, norm)
     return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
 
 
@@ -213,13 +241,14 @@ def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: flo
     return found
 
 
-def _linear_step(values: Reals, slope: Reals, room: Reals) -> Reals | None:
-    """Step within abs(d) <= room for the least largest abs(values + slope d)."""
+def _linear_step(values: Reals, slope: Reals, room: Reals, norm: str = "linf") -> Reals | None:
+    """Step within abs(d) <= room for the least norm of values + slope d, linf or l1."""
     count, k = slope.shape
-    ones, eye, nothing = np.ones((count, 1)), np.eye(k), np.zeros((k, 1))
-    parts = [[slope, -ones], [-slope, -ones], [eye, nothing], [-eye, nothing]]
+    sizes = np.eye(count) if norm == "l1" else np.ones((count, 1))
+    eye, nothing = np.eye(k), np.zeros((k, sizes.shape[1]))
+    parts = [[slope, -sizes], [-slope, -sizes], [eye, nothing], [-eye, nothing]]
     below = sps.csr_array(np.block(parts))
-    cost = np.append(np.zeros(k), 1.0)
+    cost = np.append(np.zeros(k), np.ones(sizes.shape[1]))
     found = solve_scaled(cost, (below, np.concatenate([-values, values, room, room])))
     return np.asarray(found.x[:k], np.float64) if found.status == "solved" else None
 

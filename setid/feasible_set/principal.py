@@ -2,11 +2,12 @@
 
 Where noise couples the rows, the rows in theta alone say little more than the outer box, although
 members fill a thin part of it. The axes of that part are directions in which the engine is asked
-for proved bounds, all at once.
+for proved bounds, all at once, and then the diagonals of each pair of axes: the part is no box.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -27,7 +28,7 @@ __all__ = ["principal_cover", "solved_heights"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
-_GAP = 1e-2  # of the width along an axis
+_GAPS = 1e-2, 5e-2  # of the width along an axis, and along a diagonal of two
 
 
 def solved_heights(
@@ -75,7 +76,7 @@ def _negated(result: FeasibleSet, direction: Sequence[float]) -> sp.Polynomial:
 
 @lru_cache(maxsize=4)
 def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Reals]:
-    """Cover of a feasible set with proved ranges along the principal axes of what is attained.
+    """Cover of a feasible set with proved ranges along principal axes and their diagonals.
 
     The last few results are kept, so that several bands of one result ask once.
 
@@ -103,14 +104,31 @@ def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Real
     finite = bool(np.all(np.isfinite([cover.lower, cover.upper])))
     if cover.exact or not finite or len(known) < 2 or time_limit <= 0:
         return cover, np.zeros((0, p))
-    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    until = time.monotonic() + time_limit
+    found = []
+    kinds = _directions(known, np.maximum(cover.upper - cover.lower, 1e-300))
+    for directions, gap in zip(kinds, _GAPS, strict=False):  # one parameter has no diagonals
+        left = until - time.monotonic()
+        if left > 0:
+            options = replace(
+                result.options.for_engine(), gap=gap, gap_kind="width", time_limit=left
+            )
+            found.append((directions, *solved_heights(result, directions, options)))
+    matrix, right, points = [cover.matrix], [cover.right], []
+    for directions, heights, attained in found:
+        proved = np.isfinite(heights)
+        matrix.append(directions[proved])
+        right.append(heights[proved])
+        points.append(attained)
+    rows = frozen(np.concatenate(matrix)), frozen(np.concatenate(right))
+    return replace(cover, matrix=rows[0], right=rows[1]), frozen(np.concatenate(points))
+
+
+def _directions(known: Reals, width: Reals) -> list[Reals]:
+    """The principal axes of members (M, p), then the diagonals of each pair of them."""
     _, _, axes = np.linalg.svd((known - known.mean(axis=0)) / width)
-    directions = np.concatenate([axes, -axes]) / width
-    options = replace(
-        result.options.for_engine(), gap=_GAP, gap_kind="width", time_limit=time_limit
-    )
-    heights, points = solved_heights(result, directions, options)
-    proved = np.isfinite(heights)
-    matrix = frozen(np.concatenate([cover.matrix, directions[proved]]))
-    right = frozen(np.concatenate([cover.right, heights[proved]]))
-    return replace(cover, matrix=matrix, right=right), frozen(points)
+    spread = np.ptp((known / width) @ axes.T, axis=0)[:, None]
+    even = axes / np.maximum(spread, 1e-12 * spread.max())  # members have the width 1 along these
+    one, two = np.triu_indices(width.size, 1)
+    across = np.concatenate([even[one] + even[two], even[one] - even[two]])
+    return [np.concatenate([each, -each]) / width for each in (axes, across) if each.size]

@@ -17,6 +17,7 @@ import sparsepop_py as sp
 from setid.data.record import IOData
 from setid.formulation.signals import Integers, Reals, Signal
 from setid.models.equations import Equation, Initial, Term
+from sparsepop_py.budget import check
 
 __all__ = ["Assembled", "Planned", "assemble", "bands", "equalities", "plan", "used_samples"]
 
@@ -234,9 +235,11 @@ def _polynomials(
     words = np.concatenate([blank, assembled.letters], axis=1).astype(np.int32)
     words[values == 0.0] = 0
     words.sort(axis=2)
-    return [
-        sp.Polynomial.from_words(words[row], values[row], len(names), names) for row in range(rows)
-    ]
+    made: list[sp.Polynomial] = []
+    for row in range(rows):
+        check()
+        made.append(sp.Polynomial.from_words(words[row], values[row], len(names), names))
+    return made
 
 
 def equalities(

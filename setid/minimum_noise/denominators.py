@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones import changing_edge, handed_on, monic
+from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, longest_stretch
 from setid.minimum_noise.varying import follow_denominators
@@ -26,6 +27,7 @@ from setid.proofs.least_noise.denominator_cells import (
     DenominatorCells,
     OutputRows,
     first_cones,
+    let_through,
     parted_cone,
 )
 from sparsepop_py.budget import Deadline
@@ -63,7 +65,7 @@ def least_output_noise(
     Parameters
     ----------
     rows : OutputRows
-        With the noise bounds of factor 1.
+        With the noise bounds of factor 1, and the norm of the noise.
     output : int
     tol : float
         Of the factor.
@@ -75,6 +77,10 @@ def least_output_noise(
     programs = Programs(rows, section)
     if programs.free is None:
         return FoundDenominators(0.0, None, ())
+    if rows.norm == "l1":
+        return by_corners(rows, programs, output, tol, deadline)
+    if rows.norm == "l2":  # its multipliers change smoothly: a few for each cone are enough
+        return _Search(rows, programs, output, tol, deadline).run()
     left = deadline.left
     alone = Deadline(_FIRST * (_ALONE if left is None else left))
     first = _Search(rows, programs, output, tol, alone)
@@ -166,7 +172,8 @@ class _Search:
         largest = float(np.abs(a).max())
         solved = None
         if np.isfinite(largest) and largest > 0.0:
-            solved = self._programs.solve(a / largest, grown.reference)
+            a = a / largest
+            solved = self._programs.solve(a, grown.reference)
         if solved is None:
             return None
         level, multiplier, reference = solved
@@ -202,7 +209,7 @@ class _Search:
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
         shifted = self._shifted(multiplier)
-        return np.asarray(np.abs(vectors @ shifted) @ self._rows.bound, np.float64)
+        return let_through(self._rows, vectors @ shifted)
 
     def _shifted(self, multiplier: Reals) -> Reals:
         n, length = self._rows.order, multiplier.size

@@ -1,13 +1,15 @@
-"""The least output noise for one denominator: a linear program in few unknowns."""
+"""The least output noise for one denominator: a convex program in few unknowns."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy
+import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from setid.proofs.least_noise.denominator_cells import OutputRows
+from sparsepop_py.lp.highs import LinearModel
 
 __all__ = ["Programs", "longest_stretch"]
 
@@ -37,7 +39,7 @@ class Programs:
         bound = rows.bound[self.samples]
         self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
         self.known = rows.known[section]
-        self.length = rows.y.size
+        self.length, self.norm = rows.y.size, rows.norm
         self.free = self._free()
         self.basis = np.linalg.qr(self.known)[0]
 
@@ -58,7 +60,7 @@ class Programs:
         if reference is None:
             reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
         with np.errstate(all="ignore"):
-            found = _exchanged(basis, target, reference)
+            found = self._approximated(basis, target, reference)
         if found is None:
             return None
         level, shares, reference = found
@@ -69,6 +71,24 @@ class Programs:
         whole[self.section] = multiplier
         return level, whole, reference
 
+    def _approximated(
+        self, basis: Reals, target: Reals, reference: Integers
+    ) -> tuple[float, Reals, Integers] | None:
+        """The least error of a target, and the dual solution at the samples that it uses."""
+        if self.norm == "linf":
+            return _exchanged(basis, target, reference)
+        every = np.arange(target.size)
+        if self.norm == "l2":
+            rest = target - basis @ (basis.T @ target)
+            level = float(np.linalg.norm(rest))
+            return (level, rest / level, every) if level > 0.0 else None
+        signs, count = np.ones(target.size), basis.shape[1]
+        model = LinearModel(
+            sps.csr_array(basis.T), (np.zeros(count), np.zeros(count)), (-signs, signs)
+        )
+        found = model.solve(-target)
+        return (-found.value, found.x, every) if found.status == "solved" else None
+
     def orthonormal(self, a: Reals) -> Reals | None:
         """Orthonormal outputs without noise, in noise bounds; None where they overflow."""
         with np.errstate(all="ignore"):
@@ -78,7 +98,7 @@ class Programs:
             return np.asarray(np.linalg.qr(outputs / self.bound[:, None])[0], np.float64)
 
     def multiplier(self, a: Reals, reference: Integers, shares: Reals) -> Reals | None:
-        """The multiplier (S - n,) that lets errors in at a reference; None where it overflows."""
+        """The multiplier (S - n,) that lets errors in at samples; None where it overflows."""
         errors = np.zeros(self.y.size)
         np.add.at(errors, reference, shares)
         with np.errstate(all="ignore"):

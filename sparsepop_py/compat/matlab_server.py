@@ -15,6 +15,7 @@ import threading
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -162,8 +163,11 @@ def _question(path: Path) -> dict[str, Any]:
     question = load(path)
     arguments = question["arguments"].ravel()
     names = ["objPoly", "ineqPolySys", "lbd", "ubd", "param"]
-    if _text(question.get("task", "")) == "sparsePOPintervals":
+    task = _text(question.get("task", ""))
+    if task == "sparsePOPintervals":
         names = ["ineqPolySys", "lbd", "ubd", "indices", "param"]
+    elif ":" in task:
+        names = list(signature(_task(task)).parameters)
     elif arguments.size <= 2:
         del names[1:4]
     places = (_complex(value, name) for value, name in zip(arguments, names, strict=False))

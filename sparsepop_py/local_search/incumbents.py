@@ -24,10 +24,9 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
-from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.feasible_point import ProvedPoint, valued
 
 __all__ = [
     "adopt_points",
@@ -204,13 +203,10 @@ def update_incumbent(
 
 def adopt_points(context: SolveContext, points: list[ProvedPoint]) -> SolveContext:
     """Keep the best of the points that were proved for other objectives."""
-    row = context.problem.objective_row
     for point in points:
-        reach = np.full(point.x.size, point.radius)
-        ball = Interval.point(point.x) + Interval(-reach, reach)
-        value = float(range_over(row, ball).hi[0])
-        if value < context.upper:
-            context = replace(context, best=replace(point, value=value))
+        here = valued(point, context.problem)
+        if here.value < context.upper:
+            context = replace(context, best=here)
     return context
 
 

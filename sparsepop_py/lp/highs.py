@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import spend
+from sparsepop_py.budget import before_check, check, spend
 
 __all__ = ["LinearModel", "LinearSolution", "QuietHighs", "SparseRows", "solve_lp"]
 
@@ -160,6 +160,7 @@ class LinearModel:
         Where nothing but the cost has changed that basis is feasible, and the primal simplex
         method is faster; otherwise the dual one, whose rays are clean. That one gives up where
         the costs that it perturbs lead to large prices; then it starts again without perturbing.
+        Where no time is left at all, :func:`~sparsepop_py.budget.check` ends it.
         """
         ways: list[dict[str, int | float]] = [_PRIMAL] if self._feasible else []
         begin, found = time.monotonic(), None
@@ -168,9 +169,11 @@ class LinearModel:
             left = None if time_limit is None else time_limit - spent
             for name, value in options.items():
                 self._highs.setOptionValue(name, value)
-            found = self._solve(cost, left)
-            for name in options:
-                self._highs.setOptionValue(name, self._usual[name])
+            try:
+                found = self._solve(cost, left)
+            finally:
+                for name in options:
+                    self._highs.setOptionValue(name, self._usual[name])
             if found.status != "failed":
                 break
         assert found is not None
@@ -181,14 +184,16 @@ class LinearModel:
         m, n = self._shape
         highs = self._highs
         highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
-        end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
-        highs.setOptionValue("time_limit", end)
+        left = min(np.inf if time_limit is None else time_limit, before_check())
+        highs.setOptionValue("time_limit", highs.getRunTime() + max(left, 1e-3))
         highs.run()
         info = highs.getInfo()
         pivots = max(0, info.simplex_iteration_count)
         spend(_PROGRAM_WORK + (1 + pivots) * _PIVOT_WORK * (m + n))
         status = _STATUS.get(highs.getModelStatus(), "failed")
         self._feasible = status == "solved"
+        if status == "stopped":
+            check()
         if status == "solved":
             found = highs.getSolution()
             self._basis = highs.getBasis()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import highspy
 import numpy as np
 import pytest
 import scipy.sparse as sps
@@ -11,6 +12,8 @@ from hypothesis import given, settings
 from random_cases import SEEDS
 from scipy.optimize import linprog
 
+from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.lp import highs
 from sparsepop_py.lp.highs import LinearModel, solve_lp
 
 INF = np.inf
@@ -208,3 +211,25 @@ def test_a_program_that_fails_is_solved_again_without_perturbed_costs(monkeypatc
     assert found.status == "solved" and found.value == pytest.approx(1.0)  # at (1, 0)
     assert seen == [usual, 0.0] and usual > 0.0
     assert model._highs.getOptionValue(name)[1] == usual  # the next program begins as usual
+
+
+def test_a_program_has_the_time_until_the_kept_limit(monkeypatch):
+    model = LinearModel(
+        sps.csr_array(np.eye(2)), (np.zeros(2), np.ones(2)), (np.zeros(2), np.ones(2))
+    )
+    monkeypatch.setattr(highs, "before_check", lambda: 5.0)
+    model.solve(np.ones(2))
+    most = model._highs.getOptionValue("time_limit")[1]
+    assert 4.0 < most - model._highs.getRunTime() <= 5.0
+    model.solve(np.ones(2), time_limit=1.0)
+    assert model._highs.getOptionValue("time_limit")[1] - model._highs.getRunTime() <= 1.0
+
+
+def test_a_program_that_the_kept_limit_stops_ends_the_work(monkeypatch):
+    model = LinearModel(
+        sps.csr_array(np.eye(2)), (np.zeros(2), np.ones(2)), (np.zeros(2), np.ones(2))
+    )
+    monkeypatch.setattr(model._highs, "getModelStatus", lambda: highspy.HighsModelStatus.kTimeLimit)
+    assert model.solve(np.ones(2)).status == "stopped"
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        model.solve(np.ones(2))

@@ -208,3 +208,24 @@ def test_records_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert main(["identify", str(path), *FIRST, "--output-noise", "1"]) == cli.EXIT_INPUT
     assert "no UTF-8 text" in capsys.readouterr().err
     assert main(["identify", str(tmp_path), *FIRST, "--output-noise", "1"]) == cli.EXIT_INPUT
+
+
+def test_times_and_a_second_line_of_headers(
+    tmp_path: Path, record: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [line.split(",") for line in Path(record).read_text().splitlines()[1:]]
+    lines = [f"{0.5 * k:g};{u};{y}".replace(".", ",") for k, (u, y) in enumerate(rows)]
+    path, out = tmp_path / "european.csv", str(tmp_path / "proof.json")
+    path.write_text("t;valve;level\ns;V;mm\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    call = ["identify", str(path), "--input", "valve", "--output", "level", "--decimal", ","]
+    call += ["--na", "1", "--nb", "1", "--equation-noise", "0.5", "--time", "t"]
+    assert main(call) == 2
+    assert "say header=2" in capsys.readouterr().err
+    assert main([*call, "--header", "2", "--certificate", out]) == 0
+    assert "y1 = level [mm], u1 = valve [V]" in capsys.readouterr().out
+    checked = ["verify", out, "--record", str(path), "--decimal", ","]
+    assert main(checked) == 2
+    assert main([*checked, "--header", "2"]) == 0
+    path.write_text("t;valve;level\ns;V;mm\n" + "\n".join([*lines[:1], *lines[2:]]) + "\n")
+    assert main([*call, "--header", "2"]) == 2
+    assert "found an interval" in capsys.readouterr().err

@@ -221,6 +221,24 @@ def test_polynomial_models() -> None:
     assert result.status == "certified" and bool(result.verify())
 
 
+@pytest.mark.parametrize("share", [0.01, 0.03])
+def test_products_of_noisy_inputs_with_their_degree_cut(share: float) -> None:
+    """y = v1 - .5 v1 v2 + .8 v1 v2 v3 with noise of a share of the largest output everywhere."""
+    theta = np.array([1.0, -0.5, 0.8])
+    terms = ["u[1]0", "u[1]0*u[2]0", "u[1]0*u[2]0*u[3]0"]
+    model = setid.PolynomialNARX(terms, ny=0, nu=0, inputs=3)
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 3))
+    largest = float(np.abs(np.cumprod(u, axis=1) @ theta).max())
+    noise = setid.Noise(output=share * largest, input=share * largest)
+    data = setid.simulate_record(model, theta, u, noise, 0).data
+    options = setid.Options(time_limit=60.0, progress=False)
+    result = setid.identify(data, model, noise, options=options)
+    assert result.status == "certified" and bool(result.verify())
+    for value, item in zip(theta, result.intervals.values(), strict=True):
+        assert value in item and item.inner is not None
+        assert item.inner[1] - item.inner[0] > share  # each output is uncertain by more than that
+
+
 @pytest.mark.slow
 def test_separate_denominators_are_bounded_through_products_of_parameters() -> None:
     model, noise = setid.TransferFunction(1, 1, 1, inputs=2), setid.Noise(output=0.02)

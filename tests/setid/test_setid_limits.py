@@ -14,7 +14,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from sparsepop_py.budget import LimitReached
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.local_search.feasibility import prove_feasible
 
 THETA = {"a1": -0.6, "b0": 1.5}
@@ -95,20 +95,35 @@ def test_a_stage_without_time_loses_nothing_else(stage, monkeypatch) -> None:
     assert stage != "find_box" or any("search for a box" in note for note in result.notes)
 
 
-def test_points_known_when_time_ends_are_proved_once_for_each_end(monkeypatch) -> None:
-    """Of points that are in (0, 1), (1, 0) and (1, 1) each end claims the best, by one proof."""
+def test_points_known_when_time_ends_are_claimed_at_each_end_without_a_proof(monkeypatch) -> None:
+    """Of points that are in (0, 1), (1, 0) and (1, 1) each end claims the best."""
     x, y = sp.variables(2)
     box = sp.Problem(x, [x + y >= 1], lower=0.0, upper=1.0)
     points = [prove_feasible(box, np.array(p, float)) for p in ((0, 1), (1, 0), (1, 1))]
     ends = [sp.solve(box.with_objective(p), sp.Options(refine="none")) for p in (x, -x, y, -y)]
     ends = [replace(end, attained=None, upper_bound=np.inf) for end in ends]
-    proofs, own = [], sp.ProvedPoint.recheck
-    monkeypatch.setattr(
-        sp.ProvedPoint, "recheck", lambda self, about: proofs.append(1) or own(self, about)
-    )
+    proofs: list[int] = []
+    monkeypatch.setattr(sp.ProvedPoint, "recheck", lambda self, about: proofs.append(1))
     attained = sys.modules[setid.identify.__module__]._attained
-    assert [end.upper_bound for end in attained(ends, points)] == [0.0, -1.0, 0.0, -1.0]
-    assert len(proofs) == len(ends)
+    values = [end.upper_bound for end in attained(ends, points)]
+    assert all(v >= exact for v, exact in zip(values, [0.0, -1.0, 0.0, -1.0], strict=True))
+    assert values == pytest.approx([0.0, -1.0, 0.0, -1.0], abs=1e-15)  # rounded upwards
+    assert not proofs
+
+
+def test_a_search_for_simpler_structures_without_time_loses_nothing_else(monkeypatch) -> None:
+    """y = 2 u has no pole, so that with one more and one zero more nothing is bounded."""
+    data = setid.IOData([1, 0, -1, 1, 0, 1], [2.1, 0, -1.9, 2, 0.1, 2])
+    model, noise = setid.TransferFunction(na=1, nb=2), setid.Noise(output=0.2)
+    assert setid.identify(data, model, noise, options=OPTIONS).unbounded is not None
+    monkeypatch.setattr(sys.modules[setid.identify.__module__], "find_unbounded", Late())
+    result = setid.identify(data, model, noise, options=OPTIONS)
+    assert result.unbounded is None and bool(result.verify())
+
+
+def test_rows_are_compiled_with_looks_at_the_clock() -> None:
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        setid.formulate(record(), MODEL, NOISE)
 
 
 def test_a_cpu_limit_leaves_honest_gaps() -> None:

@@ -281,6 +281,23 @@ def test_every_heuristic_returns_a_chordal_graph_and_a_perfect_order(method, see
         assert all(plain.has_edge(a, b) for a in later for b in later if a != b)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_mcs_m_adds_the_edges_that_networkx_adds(seed):
+    graph = near_points(seed, 40, 0.06)
+    filled, _ = nx.complete_to_chordal_graph(as_networkx(graph))
+    extended, _ = chordal_extension(graph, "mcs-m")
+    assert {frozenset(edge) for edge in as_networkx(extended).edges} == {
+        frozenset(edge) for edge in filled.edges
+    }
+
+
+def test_mcs_m_looks_at_the_clock_at_each_vertex(monkeypatch):
+    looks = []
+    monkeypatch.setattr(chordal, "check", lambda: looks.append(1))
+    chordal_extension(near_points(0, 40, 0.06), "mcs-m")
+    assert len(looks) >= 40
+
+
 def test_an_unknown_heuristic_is_refused():
     with pytest.raises(ProblemError, match="method: found 'metis', expected one of 'auto'"):
         chordal_extension(near_points(0, 10), "metis")

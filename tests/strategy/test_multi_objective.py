@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from solved import INF, check, region
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.multistart import best_attained
 
 AUTO = Options(effort="auto")
@@ -315,3 +317,18 @@ def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
     assert set(repaired) == {start for starts in searched for start in starts}
     for starts in searched:
         assert len(set(starts)) == len(starts)
+
+
+def test_of_known_points_the_first_is_proved_again_however_little_time_there_is(monkeypatch):
+    x, y = sp.variables(2)
+    problem = sp.Problem(x, [x * y >= 0.25, x + y <= 2], 0.0, 2.0)
+    points = [prove_feasible(problem, np.array(p)) for p in ((0.5, 0.5), (1.0, 0.5), (0.5, 1.0))]
+    proofs, own = [], sp.ProvedPoint.recheck
+    monkeypatch.setattr(
+        sp.ProvedPoint, "recheck", lambda self, about: proofs.append(1) or own(self, about)
+    )
+    late = sp.Options(effort="auto", time_limit=1e-9)
+    sp.solve_each(problem, [x], late, points=points)
+    assert len(proofs) == 1
+    sp.solve_each(problem, [x], replace(late, time_limit=60.0), points=points)
+    assert len(proofs) >= 4

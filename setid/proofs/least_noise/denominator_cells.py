@@ -9,18 +9,21 @@ phi_j' lambda = 0 for each j leave the denominator alone,
 
     abs(sum_i a_i q_i)  <=  sum_k w(k) abs((a * lambda)(k)),
 
-with q_i = sum_k lambda(k) y(k - i) and (a * lambda)(k) = sum_i a_i lambda(k + i). Neither
+with q_i = sum_k lambda(k) y(k - i) and (a * lambda)(k) = sum_i a_i lambda(k + i). Where the noise
+in parts of w is bounded in another norm, the right side is the dual norm of w (a * lambda): the
+Euclidean one, or the largest size where the sum of sizes is bounded. Neither
 numerators nor first samples have to be bounded. Both sides are homogeneous in a, so that a may be
 any multiple of (1, a_1, ..., a_n). With signed weights of several multipliers,
 
     g(a)  =  sum_m weight_m q_m a  -  sum_m abs(weight_m) sum_k w(k) abs((a * lambda_m)(k))  <=  0,
 
-where g is concave and g(t a) = t g(a) for t > 0. Hence a cone of denominators has no consistent
-member if g > 0 at each of the vectors that span it. Cones are parted at an edge. The first ones
-are spanned by the coefficients of (1 - q)^j (1 + q)^(n - j) with all signs, a basis. A polynomial
-whose zeros lie in the closed unit disc is, up to its sign, a combination of these with
-coefficients >= 0: the bilinear transformation makes them the coefficients of a Hurwitz polynomial
-(A. T. Fam, J. S. Meditch, *IEEE Trans. Automatic Control* 23 (1978) 454-458).
+and likewise with the dual norm, where g is concave and g(t a) = t g(a) for t > 0. Hence a cone of
+denominators has no consistent member if g > 0 at each of the vectors that span it. Cones are parted
+at an edge. The first ones are spanned by the coefficients of (1 - q)^j (1 + q)^(n - j) with all
+signs, a basis. A polynomial whose zeros lie in the closed unit disc is, up to its sign, a
+combination of these with coefficients >= 0: the bilinear transformation makes them the coefficients
+of a Hurwitz polynomial (A. T. Fam, J. S. Meditch, *IEEE Trans. Automatic Control* 23 (1978)
+454-458).
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from math import gcd
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +51,7 @@ __all__ = [
     "first_cones",
     "is_ordinary",
     "is_refuted",
+    "let_through",
     "moments",
     "output_rows",
     "parted_cone",
@@ -60,6 +64,7 @@ _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 _LARGEST = 2**400  # of vectors: their doubles are finite
 _LEAST, _MOST = 2.0**-300, 2.0**300  # of other numbers: their products are normal
+_TINY = 1e-140  # more than the root of squares that underflow
 
 
 class OutputRows(NamedTuple):
@@ -77,6 +82,8 @@ class OutputRows(NamedTuple):
         Columns of the numerator, distinct and not zero; zero where there is no row.
     stable : bool
         Whether a prior has the zeros of the denominator in the closed unit disc.
+    norm : {"linf", "l2", "l1"}
+        In which the noise, each sample in parts of its bound, is at most 1.
     """
 
     order: int
@@ -85,6 +92,7 @@ class OutputRows(NamedTuple):
     bound: Reals
     known: Reals
     stable: bool
+    norm: Literal["linf", "l2", "l1"] = "linf"
 
 
 def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
@@ -411,8 +419,38 @@ def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> t
     q, lost, shifted, rounding = moments(rows, multipliers, doubts)
     value = q @ vectors.T
     filtered = np.einsum("kv,mvn->mkn", vectors, shifted)
-    noise = np.abs(filtered) @ rows.bound
+    noise = let_through(rows, filtered) + _TINY
     return value, (noise + lost @ np.abs(vectors).T) * (1.0 + 4 * rounding) * _MORE
+
+
+def let_through(rows: OutputRows, filtered: Reals) -> Reals:
+    """Compute what the noise can be in filtered multipliers (..., N): the dual norm.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    filtered : (..., N) float
+        Multipliers filtered by denominators.
+
+    Returns
+    -------
+    (...) float
+        Rounded.
+
+    Examples
+    --------
+    >>> rows = OutputRows(0, np.ones(2, bool), np.zeros(2), np.ones(2), np.zeros((2, 0)), False)
+    >>> given = np.array([3.0, -4.0])
+    >>> [float(let_through(rows._replace(norm=n), given)) for n in ("linf", "l2", "l1")]
+    [7.0, 5.0, 4.0]
+    """
+    size = np.abs(filtered)
+    if rows.norm == "linf":
+        return np.asarray(size @ rows.bound, np.float64)
+    scaled = size * rows.bound
+    if rows.norm == "l2":
+        return np.asarray(np.sqrt(np.sum(scaled * scaled, axis=-1)), np.float64)
+    return np.asarray(scaled.max(axis=-1, initial=0.0), np.float64)
 
 
 def moments(

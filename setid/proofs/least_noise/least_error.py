@@ -6,7 +6,9 @@ lambda is with R'lambda = 0 (the dual norm below; S. Boyd, L. Vandenberghe, Conv
 
 Output errors: parameters with an error of at most a radius are consistent with output noise
 within it, for each of the three norms. The least error over those is a polynomial problem, whose
-bound the engine certifies; all other parameters have a larger error than the radius.
+bound the engine certifies; all other parameters have a larger error than the radius. Of one output
+cells of denominators refute errors up to a level in the same norm
+(:mod:`setid.proofs.least_noise.denominator_cells`), whatever the radius is.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from setid.models.equations import Structure
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted
+from setid.proofs.least_noise.denominator_cells import DenominatorCells, OutputRows, output_rows
 from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box
 
 __all__ = [
@@ -39,6 +42,7 @@ __all__ = [
     "attained_norm",
     "equation_bound",
     "error_problem",
+    "error_rows",
     "exact_norm",
     "output_bound",
     "stated",
@@ -150,6 +154,9 @@ class OutputErrors:
         Of the problem in units.
     attained : sparsepop_py.ProvedPoint or None
         A point of it.
+    level : float
+        Errors up to here are refuted by ``cells``.
+    cells : DenominatorCells or None
     """
 
     norm: Norm
@@ -158,6 +165,8 @@ class OutputErrors:
     box: ProvedBox | None
     certificate: sp.Certificate | None
     attained: sp.ProvedPoint | None
+    level: float = 0.0
+    cells: DenominatorCells | None = None
 
 
 def stated(
@@ -173,6 +182,21 @@ def stated(
     radius : float
     """
     return formulate(data, model, Noise(output=radius), priors)
+
+
+def error_rows(formulation: Formulation, norm: Norm, level: float) -> OutputRows | None:
+    """State the rows of a single output with errors up to a level; None for other structures.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    norm : {"linf", "l2", "l1"}
+    level : float
+    """
+    if formulation.model.outputs != 1 or not 0.0 < level < inf:
+        return None
+    rows = output_rows(formulation, 0)
+    return None if rows is None else rows._replace(bound=np.full(rows.y.size, level), norm=norm)
 
 
 def error_problem(
@@ -220,13 +244,18 @@ def output_bound(found: OutputErrors) -> float:
     Parameters
     ----------
     found : OutputErrors
-        Whose certificate was verified.
+        Whose certificate and cells were verified.
 
     Returns
     -------
     float
         0 where it proves nothing.
     """
+    return max(_engine_bound(found), 0.0 if found.cells is None else found.level)
+
+
+def _engine_bound(found: OutputErrors) -> float:
+    """The bound that box and certificate prove."""
     if found.box is not None and found.box.empty:
         return found.radius
     if found.certificate is None:
@@ -278,8 +307,8 @@ def verify_output(
     found = replace(found, formulation=again)  # what a fingerprint does not hold is stated again
     if isnan(lower_bound) or isnan(error):
         return Verification(False, "an end is no number")
-    if found.box is not None and not box_follows(found.box, again):
-        return Verification(False, "the box does not follow from the data")
+    if reason := _not_proved(found):
+        return Verification(False, reason)
     scaled = in_units(_problem(found), again)
     if found.certificate is not None:
         verdict = found.certificate.verify(scaled.problem)
@@ -296,6 +325,17 @@ def verify_output(
         if not admitted(again, point.x[:p] * units, point.radius * units):
             return Verification(False, "the attained point is not what the priors mean")
     return Verification(True)
+
+
+def _not_proved(found: OutputErrors) -> str:
+    """Say why box or cells prove nothing; empty where they do."""
+    if found.box is not None and not box_follows(found.box, found.formulation):
+        return "the box does not follow from the data"
+    if found.cells is None:
+        return ""
+    rows = error_rows(found.formulation, found.norm, found.level)
+    follows = rows is not None and found.cells.output == 0 and found.cells.follows(rows)
+    return "" if follows else "the cells of denominators do not refute the level"
 
 
 def _problem(found: OutputErrors) -> sp.Problem:

@@ -1,9 +1,10 @@
 """No parameters are consistent with a record: cells whose multipliers vary with the denominator.
 
 The notation is that of ``denominator_cells.py``. A cone is spanned by v_1, ..., v_K, so that its
-denominators are a = sum_j t_j v_j with t >= 0. A family has one multiplier lambda_k for each
-vector, orthogonal to the columns, and stands for the multiplier sum_k t_k lambda_k of the rows of
-a. Its combination of the rows reads, in pairs j <= k,
+denominators are a = sum_j t_j v_j with t >= 0. The noise is bounded sample by sample here; in
+another norm its dual takes the place of sum_i w(i) abs(). A family has one multiplier lambda_k for
+each vector, orthogonal to the columns, and stands for the multiplier sum_k t_k lambda_k of the rows
+of a. Its combination of the rows reads, in pairs j <= k,
 
     sum_jk t_j t_k v_j q_k  =  the noise  <=  sum_i w(i) abs(sum_jk t_j t_k (v_j * lambda_k)(i)),
 
@@ -39,6 +40,7 @@ from setid.proofs.least_noise.denominator_cells import (
     VaryingLeaf,
     first_cones,
     is_ordinary,
+    let_through,
     moments,
 )
 
@@ -47,6 +49,7 @@ __all__ = ["VaryingCells", "hurwitz_minors", "pairs"]
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
+_TINY = 1e-140  # more than the root of squares that underflow
 _POWER = 400  # largest of two: quotients of integers and powers are normal
 
 
@@ -161,7 +164,7 @@ def _sides(
         q, lost, shifted, rounding = moments(rows, multipliers[family], doubts[family])
         value, loss = vectors @ q.T, np.abs(vectors) @ lost.T
         filtered = np.einsum("jv,kvn->jkn", vectors, shifted)
-        let = np.abs(filtered[one, two] + filtered[two, one]) @ rows.bound
+        let = let_through(rows, filtered[one, two] + filtered[two, one]) + _TINY
         needed[m] = value[one, two] + value[two, one]
         noise[m] = (let + loss[one, two] + loss[two, one]) * (1.0 + 4.0 * rounding) * _MORE
     return needed, noise

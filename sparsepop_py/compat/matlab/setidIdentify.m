@@ -14,6 +14,8 @@ function result = setidIdentify(u, y, Ts, na, nb, nk, noise, options)
 %   that consistent parameters attain (NaN where none was found), result.status says what is
 %   known. result.best is a member that simulates well, result.verified is true where every
 %   claim was checked again without a solver. disp(result.table) prints the table.
+%   eval(result.ureal) makes the uncertain model G of the Robust Control Toolbox, and
+%   save('model.mat', '-struct', 'result') keeps all of it.
 
 if nargin < 7 || nargin > 8
     error('sparsePOP:input', ['Input has something wrong: expected ' ...

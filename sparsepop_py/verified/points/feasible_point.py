@@ -20,7 +20,7 @@ many; all else is checked over the enclosures as after Krawczyk's test.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -37,7 +37,7 @@ from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.arithmetic.rational import solve_rationally
 from sparsepop_py.verified.arithmetic.substitution import substituted
 
-__all__ = ["ProvedPoint", "exact_coordinates", "prove_point"]
+__all__ = ["ProvedPoint", "exact_coordinates", "prove_point", "valued"]
 
 _PROOFS = ("exact", "krawczyk", "substitution")
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
@@ -144,6 +144,25 @@ def prove_point(
     if proof == "krawczyk":
         return _prove_by_krawczyk(problem, x, rows, solved)
     return _prove_by_substitution(problem, x, rows, solved)
+
+
+def valued(point: ProvedPoint, problem: Problem) -> ProvedPoint:
+    """Bound another objective at a point, whose proof is not repeated.
+
+    Parameters
+    ----------
+    point : ProvedPoint
+        Proved for a problem with the same constraints and bounds.
+    problem : Problem
+
+    Returns
+    -------
+    ProvedPoint
+        Its value is an upper end of this objective within the radius of the point.
+    """
+    reach = np.full(point.x.size, point.radius)
+    ball = Interval.point(point.x) + Interval(-reach, reach)
+    return replace(point, value=float(range_over(problem.objective_row, ball).hi[0]))
 
 
 # ---- proofs ---------------------------------------------------------------------------------

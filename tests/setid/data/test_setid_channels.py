@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,17 @@ def test_records_from_frames() -> None:
     data = setid.IOData.from_frame(frame, "valve", "level", time="when", time_unit="s")
     assert data.Ts == 0.5 and data.input_names == ("valve",) and data.output_names == ("level",)
     assert np.array_equal(data.u.ravel(), [1, 2, np.nan, 4], equal_nan=True)
+    indexed = setid.IOData.from_frame(frame.set_index("when"), "valve", "level", time="when")
+    assert indexed.Ts == 0.5 and indexed.time_unit == "s"
+    local = frame.assign(when=frame.when.dt.tz_localize("Europe/Rome"))
+    assert setid.IOData.from_frame(local, "valve", "level", time="when").Ts == 0.5
+    spans = frame.assign(when=frame.when - frame.when[0])
+    assert setid.IOData.from_frame(spans, "valve", "level", time="when").Ts == 0.5
+    lost = frame.assign(when=frame.when.mask(frame.index == 1))
+    with pytest.raises(setid.DataError, match="no time at sample 1"):
+        setid.IOData.from_frame(lost, "valve", "level", time="when")
+    plain = setid.IOData(frame[["valve"]].astype(float), frame["level"], Ts=0.5)
+    assert plain.input_names == ("valve",) and plain.output_names == ("level",)
     with pytest.raises(setid.DataError, match="'gauge'"):
         setid.IOData.from_frame(frame, "gauge", "level")
     with pytest.raises(setid.DataError, match="'word'.*real numbers"):
@@ -120,11 +132,33 @@ def test_records_from_frames() -> None:
         setid.IOData.from_frame([1, 2], "valve", "level")
 
 
-class Columns(dict[str, object]):
+def test_a_second_line_of_names_in_a_csv_file_of_pandas_holds_units() -> None:
+    pd = pytest.importorskip("pandas")
+    text = EUROPEAN.replace("s;V;mm", "s;[V];mm")
+    frame = pd.read_csv(io.StringIO(text), sep=";", decimal=",", header=[0, 1])
+    data = setid.IOData.from_frame(frame, "Ventil", "Pegel", time="t")
+    assert data.input_labels == ("Ventil [V]",) and data.output_labels == ("Pegel [mm]",)
+    assert data.Ts == 0.1 and data.time_unit == "s"
+
+
+def test_intervals_as_a_frame() -> None:
+    """The record of four samples whose ends are rationals by hand."""
+    pytest.importorskip("pandas")
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    model = setid.TransferFunction(na=1, nb=1)
+    frame = setid.identify(data, model, setid.Noise(equation=0.5)).to_frame()
+    assert list(frame.index) == ["a1", "b0"] and frame.index.name == "parameter"
+    assert frame.outer_low["b0"] == pytest.approx(5.75 / 3, rel=1e-12)
+    assert list(frame.status) == ["certified", "certified"]
+    empty = setid.identify(data, model, setid.Noise(equation=0.01)).to_frame()
+    assert list(empty.status) == ["empty", "empty"] and empty.inner_low.isna().all()
+
+
+class Columns(dict[object, object]):
     """A table with columns by name, as others than pandas have them."""
 
     @property
-    def columns(self) -> list[str]:
+    def columns(self) -> list[object]:
         return list(self)
 
 
@@ -140,3 +174,32 @@ def test_records_from_any_table_with_columns_by_name() -> None:
     assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
     with pytest.raises(setid.DataError, match="'flag'.*real numbers"):
         setid.IOData.from_frame(table, "flag", "y")
+
+
+def test_names_of_tables_are_those_of_channels_and_second_names_are_units() -> None:
+    table = Columns(
+        {
+            ("t", "min"): np.array([0, 60, 120], "m8[s]"),
+            ("u", "[V]"): np.array([1.0, 3.0, 1.0]),
+            ("y", ""): np.array([1.0, 2.0, 1.0]),
+        }
+    )
+    data = setid.IOData.from_frame(table, "u", "y", time="t")
+    assert data.Ts == 60.0 and data.time_unit == "s"  # spans of time count in seconds
+    assert data.input_labels == ("u [V]",) and data.output_labels == ("y",)
+    with pytest.raises(setid.DataError, match="column 'u' for two signals"):
+        setid.IOData.from_frame(table, "u", "y", time="u")
+
+
+@pytest.mark.parametrize(
+    ("lines", "hint"),
+    [
+        ("s;V;mm\n0;1.5;0\n", "found 'V', expected a number; if this line .* say header=2$"),
+        ("0;1,5;0\n", "found '1,5', expected a number; if that .* mark, say decimal=','$"),
+        ("0;1.5;0\n1;x;0\n", "found 'x', expected a number$"),
+        ("0;x;0\n", "found 'x', expected a number$"),
+    ],
+)
+def test_messages_say_what_to_tell(tmp_path: Path, lines: str, hint: str) -> None:
+    with pytest.raises(setid.DataError, match=hint):
+        setid.IOData.from_csv(european(tmp_path, "t;u;y\n" + lines), "u", "y")

@@ -64,6 +64,37 @@ def test_wrong_input_comes_back_as_a_text(tmp_path: Path) -> None:
     assert "task: found 'os:getcwd'" in answer["error"]
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "why"),
+    [
+        (0, "abc", "u: found text, expected numbers"),
+        (2, [1.0, 2.0], "Ts: found 2 numbers, expected one"),
+        (3, np.inf, "na: found [[inf]], expected integers"),
+        (6, "x", "noise: found text, expected a struct"),
+        (6, {"output": []}, "noise.output: found [], expected a bound"),
+        (6, {"output": "x"}, "noise.output: found text, expected numbers"),
+        (7, 3.0, "options: found a number, expected a struct"),
+        (7, {"stable": "no"}, "options.stable: found text, expected numbers"),
+        (7, {"timeLimit": "a"}, "options.timeLimit: found text, expected numbers"),
+        (7, {"dcGain": [1.0, 3.0, 1.0]}, "options.dcGain: found 3 numbers"),
+        (1, np.array(Y) + 1j, "y: found complex numbers"),
+    ],
+)
+def test_values_of_a_wrong_kind_are_named(tmp_path: Path, place: int, value: Any, why: str) -> None:
+    given: list[Any] = [np.array(U), np.array(Y), 1.0, 1.0, 1.0, 0.0, {"equation": 0.5}, {}]
+    given[place] = value
+    assert why in asked(tmp_path / "question.mat", *given)["error"]
+
+
+def test_the_answer_has_the_script_of_the_uncertain_model(tmp_path: Path) -> None:
+    (found,) = identify_structs(U, Y, 0.25, 1, 1, 0, {"equation": 0.5})
+    data, model = setid.IOData(U, Y, 0.25), setid.TransferFunction(1, 1)
+    result = setid.identify(data, model, setid.Noise(equation=0.5))
+    assert found["ureal"] == setid.to_ureal(result, tmp_path / "m.m").read_text(encoding="utf-8")
+    (none,) = identify_structs(U, Y, 0.25, 1, 1, 0, {"equation": 0.1})
+    assert none["ureal"] == "" and "counts samples from 0" in none["summary"]
+
+
 def test_several_channels_and_options() -> None:
     model = setid.TransferFunction([[1, 1]], [[1, 1]], 1, inputs=2, common_denominator=True)
     u = np.random.default_rng(0).uniform(-1, 1, (30, 2))

@@ -77,6 +77,58 @@ def test_gains_of_two_readings_by_hand() -> None:
     assert not by_one([-2.0, 0.9]).verify(stated(data, STATIC, 0.999))
 
 
+@pytest.mark.parametrize(("norm", "least"), [("linf", 1.0), ("l2", 3.0 / 5**0.5), ("l1", 1.5)])
+def test_gains_of_two_readings_in_each_norm(norm: str, least: float) -> None:
+    """(b, 3 - 2 b) is smallest at b = 1, 6/5 and 3/2; the multiplier is (-2, 1)."""
+    rows = output_rows(stated(setid.IOData([1.0, 2.0], [0.0, 3.0]), STATIC, 1.0), 0)
+    assert rows is not None
+
+    def refuted(size: float) -> bool:
+        at = rows._replace(bound=np.full(2, size), norm=norm)
+        return by_one([-2.0, 1.0]).follows(at)
+
+    assert refuted(0.999 * least) and not refuted(1.001 * least)
+
+
+def smallest(data: setid.IOData, a: list[float], norm: str) -> float:
+    """Least error of a simulation with a given denominator, nb = 1, nk = 1, in another way."""
+    n, count = len(a), data.samples
+    columns = np.zeros((count, n + 1))
+    columns[:n, :n] = np.eye(n)
+    for k in range(n, count):
+        columns[k] = -sum(a[i] * columns[k - 1 - i] for i in range(n))
+        columns[k, n] += data.u[k - 1, 0]
+    y = data.y[:, 0]
+    if norm == "l2":
+        return float(np.linalg.norm(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]))
+    eye = np.eye(count)
+    found = linprog(
+        np.append(np.zeros(n + 1), np.ones(count)),
+        A_ub=np.block([[columns, -eye], [-columns, -eye]]),
+        b_ub=np.concatenate([y, -y]),
+        bounds=[(None, None)] * (n + 1 + count),
+    )
+    return float(found.fun)
+
+
+@pytest.mark.parametrize("norm", ["l2", "l1"])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_factor_in_another_norm_is_above_that_of_any_denominator(norm: str, seed: int) -> None:
+    data = noisy(seed)
+    rows = output_rows(stated(data, setid.TransferFunction(1, 1, 1), 1.0), 0)
+    assert rows is not None
+    found = least_output_noise(rows._replace(norm=norm), 0, 1e-3, Deadline(20.0))
+    assert found.cells is not None
+    at = rows._replace(bound=np.full(data.samples, found.factor), norm=norm)
+    assert found.cells.follows(at)
+    assert not found.cells.follows(at._replace(bound=1.01 * at.bound))
+    levels = [smallest(data, [a], norm) for a in np.linspace(-1.3, 1.3, 261)]
+    assert min(levels) >= found.factor
+    assert smallest(data, list(found.best[0]), norm) <= 1.01 * found.factor
+    smaller = {"l2": "l1", "l1": "linf"}[norm]  # a smaller dual norm refutes more
+    assert not found.cells.follows(at._replace(norm=smaller, bound=5.0 * at.bound))
+
+
 def test_multipliers_off_the_columns_cost_what_they_are_off() -> None:
     """lambda = (-2, 1 - d): 3 - 3 d <= s (3 - d + 2 d) with a correction of 2 d at sample 0."""
     data = setid.IOData([1.0, 2.0], [0.0, 3.0])

@@ -13,7 +13,7 @@ from exact_polynomials import value_at
 import sparsepop_py as sp
 from sparsepop_py.local_search.feasibility import _pivots, prove_feasible
 from sparsepop_py.verified.arithmetic.krawczyk import zero_near
-from sparsepop_py.verified.points.feasible_point import prove_point
+from sparsepop_py.verified.points.feasible_point import prove_point, valued
 
 # ---- independent checks -----------------------------------------------------------------------
 
@@ -374,3 +374,16 @@ def test_many_rows_that_depend_on_each_other_are_recognised():
     problem, x = sums(80, double=True), np.repeat([0.25, 0.75], 80)
     found = prove_feasible(problem, x)
     assert found is not None and found.rows.size == 80 and found.value == 0.25
+
+
+def test_another_objective_at_a_proved_point_counts_its_radius():
+    """On the diagonal of the unit circle x + y is sqrt(2)."""
+    x, y = sp.variables(2)
+    circle = sp.Problem(x, [x**2 + y**2 == 1, x - y == 0], 0.0, 1.0)
+    point = prove_feasible(circle, np.array([0.7, 0.7]))
+    other = valued(point, circle.with_objective(x + y))
+    root = mpmath.sqrt(mpmath.mpf(2))
+    assert root <= mpmath.mpf(other.value) <= root + 4 * point.radius + 1e-15
+    assert other.x is point.x and other.proof == point.proof
+    wide = replace(point, radius=0.125)
+    assert valued(wide, circle.with_objective(x + y)).value >= 2 * (point.x[0] + 0.125) - 1e-15

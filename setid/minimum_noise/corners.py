@@ -1,0 +1,178 @@
+"""Search for the least sum of errors, by multipliers of the vectors that span each cone.
+
+For one denominator the least sum of the sizes of errors is a linear program, and its dual solution
+a multiplier, 1 or -1 at most samples. Hence a multiplier lets more noise through at once where the
+denominator is another one. A cone is bounded by the family of the multipliers at
+its vectors (:mod:`setid.proofs.least_noise.varying_multipliers`), which follow the denominator, so
+that the gap is of second order in the width of the cone. Cones with the least bound are parted
+first, at the pair of vectors that says least.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.minimum_noise.claims import FoundDenominators, claimed
+from setid.minimum_noise.cones import monic
+from setid.minimum_noise.programs import Programs
+from setid.proofs.least_noise.denominator_cells import (
+    Cell,
+    Cone,
+    OutputRows,
+    VaryingLeaf,
+    first_cones,
+    let_through,
+    parted_cone,
+)
+from setid.proofs.least_noise.varying_multipliers import VaryingCells, pairs
+from sparsepop_py.budget import Deadline
+
+__all__ = ["by_corners"]
+
+Reals = NDArray[np.float64]
+_MEMORY = 2.0**28  # bytes of multipliers
+_UNEVEN = 24  # largest power of two between the weights of an edge
+
+
+class _Corner(NamedTuple):
+    """A vector of a cone, divided by a power of two, with its multiplier."""
+
+    number: int
+    power: int
+    vector: Reals  # (n + 1,)
+    moment: Reals  # (n + 1,)
+
+
+def by_corners(
+    rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
+) -> FoundDenominators:
+    """Bound the least factor on the noise bounds of one output from below.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    programs : Programs
+        Of these rows.
+    output : int
+    tol : float
+        Of the factor.
+    deadline : Deadline
+    """
+    return _Search(rows, programs, output, tol, deadline).run()
+
+
+class _Search:
+    def __init__(
+        self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
+    ) -> None:
+        self._rows, self._programs, self._output = rows, programs, output
+        self._tol, self._deadline = tol, deadline
+        self._multipliers: list[Reals] = []
+        self._corners: dict[tuple[int, ...], _Corner | None] = {}
+        self._cells: list[Cell | VaryingLeaf] = []
+        self._proved: list[float] = []
+        self._waiting: list[tuple[float, int, Cone, tuple[int, int]]] = []
+        self._level, self._cap = np.inf, np.inf
+        self._best: list[Reals] = []
+        self._most = int(_MEMORY / (8.0 * rows.y.size))
+        self._one, self._two = np.array(pairs(rows.order + 1)).T
+
+    def run(self) -> FoundDenominators:
+        for cone in first_cones(self._rows.order, self._rows.stable):
+            self._add(cone)
+        while self._waiting:
+            low, number, cone, edge = heapq.heappop(self._waiting)
+            enough = low >= min((1.0 - self._tol) * self._level, self._cap)
+            if enough or self._deadline.over or len(self._multipliers) >= self._most:
+                break
+            self._part(low, number, cone, edge)
+        none = np.zeros((0, self._rows.y.size))
+        assert self._programs.free is not None
+        claim = VaryingCells(self._output, self._programs.free, none, tuple(self._cells))
+        numbered = self._multipliers.__getitem__
+        return claimed(self._rows, claim, numbered, self._proved, self._best)
+
+    def _add(self, cone: Cone) -> None:
+        """File a cone with the error that the family of its vectors refutes."""
+        number = len(self._cells)
+        corners = [self._corner(vector) for vector in cone]
+        self._cells.append(Cell())
+        self._proved.append(0.0)
+        known = [corner for corner in corners if corner is not None]
+        if len(known) < len(corners):
+            self._cap = 0.0
+            return
+        low, edge = self._bound(known)
+        if low > 0.0:
+            family = tuple(corner.number for corner in known)
+            powers = tuple(corner.power for corner in known)
+            self._cells[number] = VaryingLeaf((family,), (1.0,), powers)
+            self._proved[number] = low
+        heapq.heappush(self._waiting, (low, number, cone, edge))
+
+    def _corner(self, whole: NDArray[np.object_]) -> _Corner | None:
+        """The multiplier of the denominator that a vector is; None where it overflows."""
+        key = tuple(whole.tolist())
+        if key not in self._corners:
+            self._corners[key] = self._solved(whole)
+        return self._corners[key]
+
+    def _solved(self, whole: NDArray[np.object_]) -> _Corner | None:
+        power = max(int(value).bit_length() for value in whole.tolist()) - 1
+        vector = np.ldexp(whole.astype(np.float64), -power)
+        size = float(np.linalg.norm(vector))
+        solved = self._programs.solve(vector / size, None)
+        if solved is None:
+            return None
+        level, multiplier, _ = solved
+        if level < self._level:
+            self._level = level
+            found = monic(vector, self._rows.stable)
+            self._best = self._best if found is None else [found[1:], *self._best[:4]]
+        noise = float(let_through(self._rows, vector @ self._shifted(multiplier)))
+        if not (np.isfinite(noise) and noise > 0.0):
+            return None
+        multiplier = multiplier * (size * size / noise)
+        self._multipliers.append(multiplier)
+        y, length = self._rows.y, multiplier.size
+        moment = [multiplier[i:] @ y[: length - i] for i in range(vector.size)]
+        return _Corner(len(self._multipliers) - 1, power, vector, np.array(moment))
+
+    def _shifted(self, multiplier: Reals) -> Reals:
+        n, length = self._rows.order, multiplier.size
+        found = np.zeros((n + 1, length))
+        for i in range(n + 1):
+            found[i, : length - i] = multiplier[i:]
+        return found
+
+    def _bound(self, corners: list[_Corner]) -> tuple[float, tuple[int, int]]:
+        """The error that a family refutes, and the pair of vectors that says least."""
+        one, two = self._one, self._two
+        vectors = np.array([corner.vector for corner in corners])
+        shifted = np.array([self._shifted(self._multipliers[c.number]) for c in corners])
+        value = vectors @ np.array([corner.moment for corner in corners]).T
+        filtered = np.einsum("jv,kvn->jkn", vectors, shifted)
+        needed = value[one, two] + value[two, one]
+        noise = let_through(self._rows, filtered[one, two] + filtered[two, one])
+        ratio = needed / np.maximum(noise, 1e-300)
+        apart = np.where(one == two, np.inf, ratio)
+        place = int(np.argmin(apart))
+        return max(0.0, float(ratio.min())), (int(one[place]), int(two[place]))
+
+    def _part(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
+        i, j = edge
+        sizes = [max(abs(int(v)) for v in cone[place].tolist()) for place in edge]
+        uneven = int(np.clip(sizes[1].bit_length() - sizes[0].bit_length(), -_UNEVEN, _UNEVEN))
+        weights = 2 ** max(uneven, 0), 2 ** max(-uneven, 0)
+        parts = parted_cone(cone, (i, j), weights) if i != j else None
+        if parts is None:  # too thin: it stays a leaf
+            self._cap = min(self._cap, low)
+            return
+        first = len(self._cells)
+        self._cells[number] = Cell((first, first + 1), (i, j), weights)
+        for part in parts:
+            self._add(part)
