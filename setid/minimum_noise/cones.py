@@ -12,7 +12,7 @@ _LAST = 4  # of the multipliers that a cone hands on
 _POOL = 10  # that it hands on
 _UNEVEN = 24  # largest power of two between the weights of an edge
 _EVEN, _SHARE = 0.01, 1e-3  # of each edge, and of each vector, beside those of the dual solution
-_MOVED = 5.0  # largest power of two by which shares move a new vector
+_LITTLE, _MOVED = 1.0, 6.0  # powers of two between shares that do not count, and most that do
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
@@ -47,8 +47,8 @@ def changing_edge(
         Noise bounds.
     products : (K, K) float, optional
         Dual solution: products of the shares that the vectors have in a denominator that is hard
-        to refute. They weight the edges, and the new vector has these shares. By default all
-        count alike.
+        to refute. They weight the edges, and the new vector lies towards the larger share. By
+        default all count alike.
 
     Returns
     -------
@@ -67,8 +67,9 @@ def changing_edge(
     i, j = (int(k) for k in np.unravel_index(int(np.argmax(apart)), apart.shape))
     if i == j:
         return None
-    power = np.log2(sizes[j] / sizes[i]) + np.clip(moved[i] - moved[j], -_MOVED, _MOVED)
-    uneven = int(np.clip(np.round(power), -_UNEVEN, _UNEVEN))
+    more = moved[i] - moved[j]
+    more = np.sign(more) * np.clip(abs(more) - _LITTLE, 0.0, _MOVED)
+    uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i]) + more), -_UNEVEN, _UNEVEN))
     return i, j, (2 ** max(uneven, 0), 2 ** max(-uneven, 0))
 
 
