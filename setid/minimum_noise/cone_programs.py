@@ -6,19 +6,22 @@ program is
 
     max t :   Y_p lambda - tau sum_i w(i) s_p(i) - sigma' H_p - t  >=  0,
               abs(v_j * lambda_k + v_k * lambda_j)(i)  <=  s_p(i)    for each pair p = (j, k),
-              sum_p sum_i w(i) s_p(i)  <=  1,    sigma >= 0,
+              sum_p sum_i w(i) s_p(i)  =  1,    sigma >= 0,
               lambda_j orthogonal to the known columns,
 
 with Y_p lambda = sum_i y(i) (v_j * lambda_k + v_k * lambda_j)(i). Where t > 0 no member of the cone
-explains the record with noise of tau w. It is solved by a primal-dual interior-point method with
-a predictor and a corrector (S. Mehrotra, *SIAM J. Optimization* 2 (1992) 575-601). Sizes s leave
-each step on their own, one by one. What remains in lambda is a banded matrix, as a filter joins a
-sample with n others. So a step costs as much as the record is long.
+explains the record with noise of tau w; where t <= 0 the cone has to be parted. It is solved by a
+primal-dual interior-point method with a predictor and a corrector (S. Mehrotra, *SIAM J.
+Optimization* 2 (1992) 575-601). Sizes s leave each step on their own, one by one. What remains in
+lambda is a banded matrix, as a filter joins a sample with n others. So a step costs as much as the
+record is long. The method ends where the target is refuted, where it cannot be, and where it comes
+so slowly that two parts of the cone are cheaper.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +38,9 @@ __all__ = ["ConeBound", "ConePrograms"]
 Reals = NDArray[np.float64]
 _STEPS = 50
 _INSIDE = 0.98  # of a step to the boundary
-_OPEN = 1e-3  # of a target: nothing is left to refute it; also what remains of infeasibility
+_OPEN = 1e-3  # of a target: a level with which a cone is parted
+_INFEASIBLE = 0.05  # what is left of the infeasibility of dual values, where these tell
+_LOOK = 3  # steps whose rate counts
 _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
 _TINY = 1e-300
 
@@ -70,13 +75,12 @@ class _Point:
     sizes: Reals  # (pairs, S)
     level: float
     minors: Reals
-    rest: float  # 1 - sum w s
     slack: Reals  # (pairs,)
     above: Reals  # (pairs, S) dual of filtered <= sizes
     below: Reals  # (pairs, S) dual of -filtered <= sizes
     weights: Reals  # (pairs,) dual of the slacks
     dual_minors: Reals
-    dual_rest: float
+    dual_level: float  # no level is larger, where the dual values are feasible
 
     def products(self) -> list[tuple[Reals, Reals]]:
         """Pair what has to be positive with its dual."""
@@ -85,14 +89,13 @@ class _Point:
             (self.sizes + self.filtered, self.below),
             (self.slack, self.weights),
             (self.minors, self.dual_minors),
-            (np.array([self.rest]), np.array([self.dual_rest])),
         ]
 
     def moved(self, other: _Point, primal: float, dual: float) -> None:
         """Go a part of a direction, in the unknowns and in the dual values."""
-        for name in ("multipliers", "filtered", "sizes", "level", "minors", "rest", "slack"):
+        for name in ("multipliers", "filtered", "sizes", "level", "minors", "slack"):
             setattr(self, name, getattr(self, name) + primal * getattr(other, name))
-        for name in ("above", "below", "weights", "dual_minors", "dual_rest"):
+        for name in ("above", "below", "weights", "dual_minors", "dual_level"):
             setattr(self, name, getattr(self, name) + dual * getattr(other, name))
 
 
@@ -117,7 +120,9 @@ class ConePrograms:
             known[k, :, :, k] = programs.basis.T
         self._known = known.reshape((n + 1) * columns, -1)
 
-    def solve(self, cone: Cone, powers: tuple[int, ...], target: float) -> ConeBound:
+    def solve(
+        self, cone: Cone, powers: tuple[int, ...], target: float, patience: float = inf
+    ) -> ConeBound:
         """Refute a target in a cone, or find that it cannot be refuted there.
 
         Parameters
@@ -128,6 +133,8 @@ class ConePrograms:
             Each vector is divided by 2 to this power.
         target : float
             Positive; factor on the noise bounds.
+        patience : float
+            Steps in which the target has to be reached at the present rate.
         """
         vectors = np.ldexp(cone.astype(np.float64), -np.array(powers)[:, None])
         minors, units = np.zeros((0, len(pairs(len(cone))))), np.zeros(0)
@@ -138,7 +145,7 @@ class ConePrograms:
             self._programs, self._known, vectors, minors * units[:, None], target * self._scale
         )
         with np.errstate(all="ignore"):
-            factor, multipliers, shares, weights = program.run()
+            factor, multipliers, shares, weights = program.run(patience)
         return ConeBound(factor / self._scale, multipliers, shares * units, weights)
 
 
@@ -213,11 +220,11 @@ class _Program:
         n = self._order
         return np.stack([table[:, n - i : n - i + self._rows] for i in range(n + 1)])
 
-    def run(self) -> tuple[float, Reals, Reals, Reals]:
+    def run(self, patience: float) -> tuple[float, Reals, Reals, Reals]:
         """Return the factor, multipliers, shares of minors and dual weights."""
         at = self._start()
         best = 0.0, at.multipliers, at.minors, at.weights
-        infeasible = 1.0
+        infeasible, reached = 1.0, list[float]()
         for _ in range(_STEPS):
             try:
                 newton = _Newton(self, at)
@@ -250,7 +257,10 @@ class _Program:
                 best = factor, at.multipliers, at.minors, at.weights
             if factor >= self.target * _OVER:
                 break
-            if at.dual_rest < _OPEN * self.target and infeasible < _OPEN:
+            reached.append(best[0] / self.target)
+            if infeasible < _INFEASIBLE and at.dual_level < _OPEN * self.target:
+                break
+            if _remaining(reached) > patience:
                 break
         return (*best[:3], at.weights)
 
@@ -264,27 +274,26 @@ class _Program:
         """Begin with all products of a size near the least of them."""
         count, target, w = self.count, self.target, self.w
         shape = count, w.size
-        sizes, weights = np.full(shape, 0.5 / count), np.full(count, 1.0 / count)
-        mean = 0.25 * float(w.mean()) * target / count**2
+        sizes, weights = np.full(shape, 1.0 / count), np.full(count, 1.0 / count)
+        mean = 0.5 * float(w.mean()) * target / count**2
         dual_minors = np.full(len(self.minors), target / count)
         minors = mean / dual_minors
         slack = mean * count
-        level = -target * 0.5 / count - slack
+        level = -target / count - slack
         found = -target * (sizes @ w) - minors @ self.minors - level
-        above = np.tile(0.5 * (target / count + 2.0 * mean) * w, (count, 1))
+        above = np.tile(0.5 * target / count * w, (count, 1))
         return _Point(
             np.zeros((len(self._vectors), self._rows)),
             np.zeros(shape),
             sizes,
             level,
             minors,
-            0.5,
             np.maximum(found, slack),
             above,
             above.copy(),
             weights,
             dual_minors,
-            2.0 * mean,
+            0.0,
         )
 
 
@@ -293,8 +302,8 @@ class _Newton:
 
     With slacks u, v = sizes -+ filtered and their duals a, b, sizes leave by the diagonal matrix
     a / u + b / v. The multipliers then have the banded matrix F' diag(4 / (u / a + v / b)) F,
-    where F filters. Its factor takes them out as well. Pairs, the rest, the known columns, the
-    level and the minors are left, some thirty unknowns.
+    where F filters. Its factor takes them out as well. Pairs, the sum of sizes, the known
+    columns, the level and the minors are left, some thirty unknowns.
     """
 
     def __init__(self, program: _Program, at: _Point) -> None:
@@ -318,7 +327,7 @@ class _Newton:
         self._inner = self._columns.T @ self._columns
         self._curve = (w * w / self._sum).sum(axis=1)
         self._loss = program.adjoint(at.above - at.below) - at.weights @ program.needed
-        self._size_loss = (target * at.weights[:, None] + at.dual_rest) * w - at.above - at.below
+        self._size_loss = (target * at.weights[:, None] + at.dual_level) * w - at.above - at.below
         self._matrix = self._small()
 
     def _forward(self, columns: Reals, transposed: bool = False) -> Reals:
@@ -328,7 +337,7 @@ class _Newton:
         return np.asarray(found, np.float64)
 
     def _small(self) -> Reals:
-        """The matrix of pairs, rest, known columns, level and minors."""
+        """The matrix of pairs, sizes, known columns, level and minors."""
         program, at, pairs_ = self._program, self._at, self._program.count
         minors, target = program.minors, program.target
         inner = len(self._inner)
@@ -338,7 +347,7 @@ class _Newton:
         found[every, every] += target**2 * self._curve + at.slack / at.weights
         found[:pairs_, pairs_] += target * self._curve
         found[pairs_, :pairs_] += target * self._curve
-        found[pairs_, pairs_] += self._curve.sum() + at.rest / at.dual_rest
+        found[pairs_, pairs_] += self._curve.sum()
         found[:pairs_, inner], found[inner, :pairs_] = -1.0, -1.0
         found[:pairs_, inner + 1 :], found[inner + 1 :, :pairs_] = -minors.T, -minors
         late = inner + 1 + np.arange(len(minors))
@@ -359,7 +368,7 @@ class _Newton:
         right = np.concatenate(
             [
                 inner[:pairs_] + target * moved + aims[2] / at.weights - (gap - at.slack),
-                [inner[pairs_] + moved.sum() + aims[4][0] / at.dual_rest],
+                [inner[pairs_] + moved.sum() + float((at.sizes @ w).sum()) - 1.0],
                 inner[pairs_ + 1 :] + program.known @ flat,
                 [at.weights.sum() - 1.0],
                 minors @ at.weights - at.dual_minors - aims[3] / at.minors,
@@ -367,12 +376,12 @@ class _Newton:
         )
         solved = np.linalg.solve(self._matrix, right)
         count = len(self._inner)
-        weights, rest = solved[:pairs_], float(solved[pairs_])
+        weights, dual_level = solved[:pairs_], float(solved[pairs_])
         level, shares = float(solved[count]), solved[count + 1 :]
         back = self._forward(drive + self._columns @ solved[:count], transposed=True)
         multipliers = -back.reshape(-1, len(at.multipliers)).T
         filtered = program.filtered(multipliers)
-        pull = (target * weights[:, None] + rest) * w
+        pull = (target * weights[:, None] + dual_level) * w
         sizes = (size - pull + self._difference * filtered) / self._sum
         return _Point(
             multipliers,
@@ -380,14 +389,21 @@ class _Newton:
             sizes,
             level,
             shares,
-            (float(aims[4][0]) - at.rest * rest) / at.dual_rest,
             (aims[2] - at.slack * weights) / at.weights,
             (aims[0] - at.above * (sizes - filtered)) / self._down,
             (aims[1] - at.below * (sizes + filtered)) / self._up,
             weights,
             (aims[3] - at.dual_minors * shares) / at.minors,
-            rest,
+            dual_level,
         )
+
+
+def _remaining(reached: list[float]) -> float:
+    """Number the steps to a whole target at the rate of the last ones, from what each reached."""
+    if len(reached) <= _LOOK + 1:
+        return 0.0
+    rate = (reached[-1] - reached[-1 - _LOOK]) / _LOOK
+    return (1.0 - reached[-1]) / rate if rate > 0.0 else inf
 
 
 def _lengths(at: _Point, step: _Point) -> tuple[float, float]:

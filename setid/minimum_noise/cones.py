@@ -11,6 +11,8 @@ Reals = NDArray[np.float64]
 _LAST = 4  # of the multipliers that a cone hands on
 _POOL = 10  # that it hands on
 _UNEVEN = 24  # largest power of two between the weights of an edge
+_EVEN, _SHARE = 0.01, 1e-3  # of each edge, and of each vector, beside those of the dual solution
+_LITTLE, _MOVED = 1.0, 6.0  # powers of two between shares that do not count, and most that do
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
@@ -31,7 +33,7 @@ def handed_on(shares: Reals) -> NDArray[np.int64]:
 
 
 def changing_edge(
-    filtered: Reals, sizes: Reals, bound: Reals, weights: Reals | float = 1.0
+    filtered: Reals, sizes: Reals, bound: Reals, products: Reals | None = None
 ) -> tuple[int, int, tuple[int, int]] | None:
     """Choose the edge along which a filtered multiplier changes most; None where none changes.
 
@@ -43,8 +45,10 @@ def changing_edge(
         Of these, in noise.
     bound : (S,) float
         Noise bounds.
-    weights : (K, K) float, optional
-        Of the edges; by default they count alike.
+    products : (K, K) float, optional
+        Dual solution: products of the shares that the vectors have in a denominator that is hard
+        to refute. They weight the edges, and the new vector lies towards the larger share. By
+        default all count alike.
 
     Returns
     -------
@@ -54,11 +58,18 @@ def changing_edge(
         Powers of two with which they make the new one.
     """
     scaled = filtered / sizes[:, None]
-    apart = weights * (np.abs(scaled[:, None] - scaled[None]) @ bound)
+    apart = np.abs(scaled[:, None] - scaled[None]) @ bound
+    moved = np.zeros(sizes.size)
+    if products is not None:
+        apart = (products / products.sum() + _EVEN) * apart
+        shares = products.sum(axis=1) / products.sum()
+        moved = np.log2(shares + _SHARE)
     i, j = (int(k) for k in np.unravel_index(int(np.argmax(apart)), apart.shape))
     if i == j:
         return None
-    uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i])), -_UNEVEN, _UNEVEN))
+    more = moved[i] - moved[j]
+    more = np.sign(more) * np.clip(abs(more) - _LITTLE, 0.0, _MOVED)
+    uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i]) + more), -_UNEVEN, _UNEVEN))
     return i, j, (2 ** max(uneven, 0), 2 ** max(-uneven, 0))
 
 

@@ -39,8 +39,8 @@ Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _MEMORY = 2.0**29  # bytes of multipliers
 _LEAST = 1e-200  # size of a vector
-_EVEN = 0.05  # weight of each pair of vectors, beside that of the dual solution
 _SEED = 5
+_PATIENCE = 8.0  # steps of a linear program: where parting a cone is cheaper
 _RANDOM, _STARTS, _AGAIN = 200, 5, 5  # denominators and descents for each unknown; repetitions
 _SLOW = 3e-3  # least distance of a random pole from the unit circle
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
@@ -221,7 +221,7 @@ class _Search:
         powers = tuple(int(p) for p in np.round(np.log2(self._sizes(node))))
         leaf, factor = self._unstable(node.cone, powers), np.inf
         if leaf is None:
-            bound = self._cones.solve(node.cone, powers, self.target)
+            bound = self._cones.solve(node.cone, powers, self.target, _PATIENCE)
             first, size = len(self._multipliers), len(bound.multipliers)
             self._multipliers += list(self._orthogonal(bound.multipliers))
             family, factor = tuple(range(first, first + size)), bound.factor
@@ -261,7 +261,7 @@ class _Search:
         if node.centre is not None:
             filtered = node.cone.astype(np.float64) @ node.centre
             bound, sizes = self._programs.bound, self._sizes(node)
-            edge = changing_edge(filtered, sizes, bound, node.products + _EVEN)
+            edge = changing_edge(filtered, sizes, bound, node.products)
         if edge is None:
             return
         i, j, weights = edge

@@ -253,7 +253,8 @@ def _orders(given: object, field: str, outputs: int, inputs: int, least: int = 0
     table = np.array(given, dtype=object)
     if table.ndim not in (0, 2) or (table.ndim == 2 and table.shape != (outputs, inputs)):
         raise ModelError(
-            f"{field}: found shape {table.shape}, expected an integer or ({outputs}, {inputs})"
+            f"{field}: found shape {table.shape}, expected an integer or ({outputs}, {inputs}) for "
+            f"outputs={outputs} and inputs={inputs}"
         )
     full = np.broadcast_to(table, (outputs, inputs)).tolist()
     return tuple(tuple(natural(v, field, ModelError, least) for v in row) for row in full)

@@ -155,3 +155,14 @@ def test_a_search_closes_from_random_denominators(order: int) -> None:
     assert least is not None and planted is not None and least[0] <= planted[0] * (1 + 1e-9)
     assert 0.899 * least[0] <= found.factor <= least[0]
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
+
+
+def test_programs_that_come_slowly_are_left() -> None:
+    rows = rows_of(3)
+    programs, left = Programs(rows, longest_stretch(rows.row)), 0
+    solver = ConePrograms(programs, True)
+    for cone in parts_of(first_cones(3, True)[0], 8)[::2]:
+        whole, early = (solver.solve(cone, (0,) * 4, 0.03, patience) for patience in (np.inf, 8.0))
+        assert whole.factor >= 0.03 or early.factor < 0.03
+        left += early.factor < 0.03 <= whole.factor
+    assert left > 0

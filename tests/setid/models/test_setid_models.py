@@ -69,6 +69,7 @@ def test_which_forms_introduce_partial_outputs() -> None:
         (lambda: setid.TransferFunction(1.5, 1), "na: found 1.5"),
         (lambda: setid.TransferFunction(True, 1), "na: found True"),
         (lambda: setid.TransferFunction([[1, 2]], 1), r"na: found shape \(1, 2\), expected"),
+        (lambda: setid.TransferFunction(1, (1, 1)), r"nb: found shape \(2,\), .* and inputs=1"),
         (lambda: setid.TransferFunction(1, 1, inputs=0), "inputs: found 0"),
         (lambda: setid.TransferFunction(1, 1, initial="rest"), "initial: found 'rest'"),
         (lambda: setid.TransferFunction(1, 1, form="sum"), "form: found 'sum'"),
