@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sps
@@ -132,6 +133,7 @@ def _rounded(
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
+@lru_cache(maxsize=1)  # the minimiser's matrix and rounded ones begin with the same
 def where_terms_are(
     objective: Polynomial, relaxation: Relaxation, constant: bool, linear: bool = False
 ) -> Relaxation | None:
