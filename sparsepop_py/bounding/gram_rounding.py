@@ -161,7 +161,7 @@ def where_terms_are(
             held |= monomials.degrees(square) == 2
         kept = np.where(varies, held, constant).reshape(group.basis.shape[:2])
         count = kept.sum(axis=1)
-        for size in np.unique(count[count > 0]).tolist():
+        for size in monomials.distinct(count[count > 0]).tolist():
             chosen = np.flatnonzero(count == size)
             basis = group.basis[chosen][kept[chosen]].reshape(chosen.size, size, -1)
             zero = np.zeros(chosen.size, np.int64)
