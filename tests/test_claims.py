@@ -56,6 +56,24 @@ def test_a_claim_is_lowered_to_what_verification_reaches(excess: float) -> None:
     assert certificate.settled(problem) is certificate
 
 
+def test_a_lowered_claim_is_recomputed_once_within_one_verification(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A check without what is known computes all of it again."""
+    problem, certificate = over_the_disc()
+    bold = Certificate(certificate.fingerprint, 10.0, certificate.root, certificate.cutoff)
+    counts, compute = [], Certificate._recomputed
+    monkeypatch.setattr(
+        Certificate, "_recomputed", lambda *given: counts.append(1) or compute(*given)
+    )
+    known: dict = {}
+    settled = bold.settled(problem, known)
+    assert settled.settled(problem, known) is settled
+    assert len(counts) == 1
+    assert settled.verify(problem).ok
+    assert len(counts) == 2
+
+
 def test_a_claim_without_any_argument_is_dropped() -> None:
     x, y = sp.variables(2)
     problem = sp.Problem(x + y)

@@ -524,7 +524,7 @@ class Polynomial:
     @cached_property
     def support(self) -> NDArray[np.int64]:
         """Sorted indices (from 0) of the variables that occur."""
-        letters = np.unique(self.words)
+        letters = monomials.distinct(self.words)
         return letters[letters > 0].astype(np.int64) - 1
 
     @property

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sps
@@ -132,6 +133,7 @@ def _rounded(
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
+@lru_cache(maxsize=1)  # the minimiser's matrix and rounded ones begin with the same
 def where_terms_are(
     objective: Polynomial, relaxation: Relaxation, constant: bool, linear: bool = False
 ) -> Relaxation | None:
@@ -159,7 +161,7 @@ def where_terms_are(
             held |= monomials.degrees(square) == 2
         kept = np.where(varies, held, constant).reshape(group.basis.shape[:2])
         count = kept.sum(axis=1)
-        for size in np.unique(count[count > 0]).tolist():
+        for size in monomials.distinct(count[count > 0]).tolist():
             chosen = np.flatnonzero(count == size)
             basis = group.basis[chosen][kept[chosen]].reshape(chosen.size, size, -1)
             zero = np.zeros(chosen.size, np.int64)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.problem import generators
@@ -83,8 +84,8 @@ class Subproblem:
         """
         given = [whole.constraints[row] for row in rows]
         words = [whole.objective.words, *(c.polynomial.words for c in given)]
-        letters = [np.unique(w) for w in words] + ([] if kept is None else [kept + 1])
-        found = np.unique(np.concatenate(letters))
+        letters = [monomials.distinct(w) for w in words] + ([] if kept is None else [kept + 1])
+        found = monomials.distinct(np.concatenate(letters))
         variables = (found[found > 0] - 1).astype(np.int64)
         names = tuple(whole.names[v] for v in variables)
         letter = np.zeros(whole.dimension + 1, np.int32)

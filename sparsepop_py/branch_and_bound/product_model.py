@@ -27,6 +27,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.branch_and_bound.complements import Complements, Terms
 from sparsepop_py.lp.highs import SparseRows
@@ -208,7 +209,7 @@ class ProductModel:
     @cached_property
     def factors(self) -> Ints:
         """Variables that occur in products."""
-        return np.unique(np.concatenate([self.first, self.second]))
+        return monomials.distinct(np.concatenate([self.first, self.second]))
 
     @cached_property
     def two_valued(self) -> Ints:
@@ -221,7 +222,7 @@ class ProductModel:
         width = self.dimension
         both = np.isin(row * width + v, self.row[linear] * width + self.column[linear])
         equal = np.append(self.equality, False)
-        return np.unique(v[both & (terms[row] == 2) & equal[row]])
+        return monomials.distinct(v[both & (terms[row] == 2) & equal[row]])
 
     @cached_property
     def complementary(self) -> Ints:
@@ -230,7 +231,7 @@ class ProductModel:
         It may say "at most zero", which is the same where both are at least zero.
         """
         columns = self.column[self._alone & (self.column >= self.dimension)]
-        product = np.unique(columns) - self.dimension
+        product = monomials.distinct(columns) - self.dimension
         product = product[~self.square[product]]
         return np.stack([self.first[product], self.second[product]], axis=1)
 
@@ -514,7 +515,7 @@ class ProductModel:
     def _convex(self) -> dict[int, tuple[Ints, Floats, Ints, Ints]]:
         """Variables, factor, pairs and product columns of the convex quadratic rows."""
         found = {}
-        for row in np.unique(self.row[self.column >= self.dimension]).tolist():
+        for row in monomials.distinct(self.row[self.column >= self.dimension]).tolist():
             if row < self.rows and self.equality[row]:
                 continue
             made = self._factor(row)
@@ -529,7 +530,7 @@ class ProductModel:
         columns, value = self.column[terms], self.coefficient[terms]
         value = value if row == self.rows else -value
         i, j = self.first[columns - n], self.second[columns - n]
-        variables = np.unique(np.append(i, j))
+        variables = monomials.distinct(np.append(i, j))
         left, right = np.searchsorted(variables, i), np.searchsorted(variables, j)
         matrix = np.zeros((variables.size, variables.size))
         np.add.at(matrix, (left, right), 0.5 * value)

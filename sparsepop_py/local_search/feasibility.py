@@ -8,6 +8,7 @@ inequalities by linear programs. The proof itself is
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,12 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     """
     problem = problem.sharpened
     x = np.clip(np.asarray(x, float), problem.lower, problem.upper)
-    if not np.all(np.isfinite(x)):
-        return None
+    return _proved(problem, x.tobytes()) if np.all(np.isfinite(x)) else None
+
+
+@lru_cache(maxsize=8)  # searches begin with vectors that were tried, and end there
+def _proved(problem: Problem, vector: bytes) -> ProvedPoint | None:
+    x = np.frombuffer(vector)
     goal = problem.objective(x)
     goal += _WORSE * (1.0 + abs(goal))
     best: ProvedPoint | None = None

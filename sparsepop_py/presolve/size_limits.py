@@ -15,6 +15,7 @@ from math import comb
 
 import numpy as np
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -71,7 +72,7 @@ def _operations(relaxation: Relaxation) -> float:
     clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
     columns = relaxation.entries.indices.astype(np.int64)
     row = np.repeat(np.arange(relaxation.rows), np.diff(relaxation.entries.indptr))
-    pairs = np.unique(clique[row] * (relaxation.moments.shape[0] + 1) + columns)
+    pairs = monomials.distinct(clique[row] * (relaxation.moments.shape[0] + 1) + columns)
     moments = np.bincount(pairs // (relaxation.moments.shape[0] + 1))
     return float(blocks + np.sum(moments.astype(float) ** 3) / 3.0)
 

@@ -194,7 +194,9 @@ def bound_products(
     words = [rows.words, problem.objective.words, *(f.words for f in objectives)]
     _, low, high = bound_family(rows.size, n)
     single = count(rows.size, n)
-    squared = np.unique(np.concatenate([v[p > 1] for _, v, p in map(monomials.runs, words)]))
+    squared = monomials.distinct(
+        np.concatenate([v[p > 1] for _, v, p in map(monomials.runs, words)])
+    )
     squared = squared[boxed[squared]]
     made = [
         *map(tuple, useful_products(problem, members, home, objectives).tolist()),
@@ -243,7 +245,7 @@ def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
         for distance in range(1, table.shape[1]):
             same = np.flatnonzero(row[distance:] == row[:-distance])
             keys.append(variable[same] * n + variable[same + distance])
-    unique = np.unique(np.concatenate([*keys, np.zeros(0, int)])).astype(np.int64)
+    unique = monomials.distinct(np.concatenate([*keys, np.zeros(0, int)])).astype(np.int64)
     return np.stack(np.divmod(unique, n), axis=1)
 
 

@@ -195,7 +195,7 @@ def _changes(terms: ExactTerms) -> tuple[monomials.Words, list[Fraction], list[F
 def _shift(words: monomials.Words, errors: list[Fraction], lower: Reals, upper: Reals) -> float:
     """Bound the sum of |error * monomial| over a box."""
     size = np.maximum(np.abs(lower), np.abs(upper))
-    used = np.unique(words)
+    used = monomials.distinct(words)
     if not np.all(np.isfinite(size[used[used > 0] - 1])):
         return math.inf
     reach = [Fraction(1), *map(Fraction, np.where(np.isfinite(size), size, 0.0).tolist())]

@@ -43,7 +43,7 @@ def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray[Any], degre
     """
     sizes = np.array([len(members[c]) for c in clique], int)
     result = []
-    for size in np.unique(sizes):
+    for size in monomials.distinct(sizes):
         place = np.flatnonzero(sizes == size)
         letters = np.zeros((place.size, size + 1), np.int32)
         if size:
@@ -80,7 +80,7 @@ def reduced_bases(
 def by_size(basis: Words, keep: NDArray[np.bool_]) -> Bases:
     """Keep chosen monomials (K, s) of bases (K, s, D), stacked by their number."""
     count, parts = keep.sum(axis=1), []
-    for size in np.unique(count).tolist():
+    for size in monomials.distinct(count).tolist():
         rows = np.flatnonzero(count == size)
         words = basis[rows][keep[rows]].reshape(rows.size, size, basis.shape[2])
         parts.append((rows, words))

@@ -197,7 +197,7 @@ def _localizing(
         number, place = np.append(number, box.start + extra), np.append(place, where)
     blocks: Blocks = []
     for is_free in (True, False):
-        for half in np.unique(reach[number]):
+        for half in monomials.distinct(reach[number]):
             chosen = (free[number] == is_free) & (reach[number] == half)
             index, clique = number[chosen], place[chosen]
             for part, basis in clique_bases(members, clique, int(half)):

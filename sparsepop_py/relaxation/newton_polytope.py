@@ -73,7 +73,7 @@ def consistent_bases(
         words = monomials.widen(words, width)
         return monomials.pack(words if rewrite is None else rewrite(words), dimension)
 
-    fixed = np.unique(np.concatenate([keys(np.zeros((1, 1), np.int32)), *map(keys, held)]))
+    fixed = monomials.distinct(np.concatenate([keys(np.zeros((1, 1), np.int32)), *map(keys, held)]))
     squares, products = [], []
     for _, basis in bases:
         k, s, d = basis.shape
@@ -89,7 +89,7 @@ def consistent_bases(
         for keep, product in zip(kept, products, strict=True):
             j, i = np.tril_indices(keep.shape[1], -1)
             alive.append(product[keep[:, i] & keep[:, j]])
-        matched = np.unique(np.concatenate(alive))
+        matched = monomials.distinct(np.concatenate(alive))
         shrunk = [
             k & (few | np.isin(sq, matched)) for k, sq, few in zip(kept, squares, low, strict=True)
         ]

@@ -120,10 +120,10 @@ def _all_products(problem: Problem, objectives: Sequence[Polynomial]) -> Product
     for table in tables:
         _, variable, power = monomials.runs(table)
         squares.append(variable[power > 1])
-    own = np.unique(np.concatenate(squares))
+    own = monomials.distinct(np.concatenate(squares))
     pairs = np.concatenate([mixed, np.stack([own, own], axis=1)])
     term, variable, _ = monomials.runs(problem.rows.words)
-    met = np.unique(problem.rows.row[term] * n + variable) % max(n, 1)
+    met = monomials.distinct(problem.rows.row[term] * n + variable) % max(n, 1)
     return Products(pairs, np.bincount(met, minlength=n), problem.rows.size)
 
 

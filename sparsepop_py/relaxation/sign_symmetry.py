@@ -43,7 +43,7 @@ def invariant_words(system: PolynomialSystem, chosen: NDArray[np.int64]) -> list
     first = np.cumsum(count) - count
     _, name = monomials.collect(system.words, system.dimension)
     result = []
-    for terms in np.unique(count[count > 0]).tolist():
+    for terms in monomials.distinct(count[count > 0]).tolist():
         rows = np.flatnonzero(count == terms)
         place = first[rows][:, None] + np.arange(terms)
         value = system.coefficients[place]
@@ -56,7 +56,7 @@ def invariant_words(system: PolynomialSystem, chosen: NDArray[np.int64]) -> list
         pairs = np.unique(np.column_stack([family.ravel(), signs]), axis=0)
         size = np.bincount(pairs[:, 0])
         start = np.cumsum(size) - size
-        for number in np.unique(size):
+        for number in monomials.distinct(size):
             chosen = np.flatnonzero(size == number)
             sets = pairs[start[chosen][:, None] + np.arange(number), 1]
             kinds, kind = np.unique(sets, axis=0, return_inverse=True)
@@ -115,7 +115,7 @@ def sign_codes(words: Words, dimension: int) -> NDArray[np.uint64]:
         parity.sum_duplicates()
     code = np.random.default_rng(_SEED).integers(0, 2**64, dimension + 1, np.uint64)
     code[0] = 0
-    columns = np.unique(parity.indices)
+    columns = monomials.distinct(parity.indices)
     rows, pivots = _echelon(parity[np.flatnonzero(weight)][:, columns].toarray() > 0)
     open_ = rows.copy()
     open_[:, pivots] = False

@@ -273,7 +273,7 @@ def _chosen(mask: NDArray[np.bool_]) -> Cover:
     """List the chosen positions of each block, blocks of equal numbers together."""
     count = mask.sum(axis=1)
     cover = []
-    for size in np.unique(count[count > 0]):
+    for size in monomials.distinct(count[count > 0]):
         old = np.flatnonzero(count == size)
         cover.append((old, np.nonzero(mask[old])[1].reshape(old.size, int(size))))
     return cover
@@ -311,7 +311,7 @@ def _distinct(blocks: Blocks, dimension: int) -> Blocks:
     for b, name in zip(blocks, names, strict=True):
         if not b.free and b.size > 1:
             held.append((b.generator[:, None] * total + name).ravel())
-    inner = np.unique(np.concatenate(held))
+    inner = monomials.distinct(np.concatenate(held))
     seen: dict[tuple[bool, int], NDArray[Any]] = {}
     result: Blocks = []
     for b, name in zip(blocks, names, strict=True):
@@ -337,8 +337,8 @@ def _initial_support(groups: tuple[BlockGroup, ...], system: Generators, support
             basis = group.basis[group.generator == 0]
             words.append(monomials.multiply(basis, basis).reshape(-1, 2 * basis.shape[2]))
     none = [np.zeros(0, np.int64)]
-    free = np.unique(np.concatenate(none + [g.generator for g in groups if g.free]))
-    rest = np.unique(np.concatenate(none + [g.generator for g in groups if not g.free]))
+    free = monomials.distinct(np.concatenate(none + [g.generator for g in groups if g.free]))
+    rest = monomials.distinct(np.concatenate(none + [g.generator for g in groups if not g.free]))
     words += [system.words[system.terms_of(free)[1]], system.matrices.system.words]
     words += invariant_words(system, np.setdiff1d(rest, free))
     width = max(w.shape[1] for w in words)
@@ -367,7 +367,8 @@ def _close_graphs(
     filled = (table[:, i] == table[:, j]) & whole[table[:, i]] | (i == j)
     ranked, start = np.argsort(label, kind="stable"), np.cumsum(count) - count
     members = [
-        ranked[start[(count == c) & whole][:, None] + np.arange(c)] for c in np.unique(count)
+        ranked[start[(count == c) & whole][:, None] + np.arange(c)]
+        for c in monomials.distinct(count)
     ]
     rest = np.flatnonzero(~whole[label])
     if rest.size:
@@ -376,7 +377,8 @@ def _close_graphs(
         cliques, _ = clique_tree(extended, order)
         sizes = np.array([len(c) for c in cliques])
         members += [
-            rest[np.array([c for c in cliques if len(c) == s], np.int64)] for s in np.unique(sizes)
+            rest[np.array([c for c in cliques if len(c) == s], np.int64)]
+            for s in monomials.distinct(sizes)
         ]
         a, b = (rest[c] for c in sps.coo_array(extended).coords)
         low, high = a % size, b % size

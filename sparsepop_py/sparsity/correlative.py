@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Literal
 
@@ -230,8 +231,10 @@ def find_cliques(
     """
     n = problem.dimension
     if sparse:
-        graph, order = chordal_extension(csp_graph(problem, objectives, joined), method)
-        members, tree = clique_tree(graph, order)
+        found = csp_graph(problem, objectives, joined)
+        graph, order, members, tree = _decomposed(
+            found.indptr.tobytes(), found.indices.tobytes(), found.indptr.dtype.str, method
+        )
     else:
         graph = sps.csr_array(~np.eye(n, dtype=bool))
         order, members, tree = np.arange(n), (tuple(range(n)),), np.array([-1])
@@ -239,6 +242,18 @@ def find_cliques(
     for array in (home, home_of_variable, tree, order):
         array.flags.writeable = False
     return Cliques(members, home, home_of_variable, tree, graph, order)
+
+
+@lru_cache(maxsize=2)  # of a problem and its scaled form, which have one pattern
+def _decomposed(
+    starts: bytes, columns: bytes, kind: str, method: Method
+) -> tuple[sps.csr_array, NDArray[np.int64], Members, NDArray[np.int64]]:
+    """Extend a graph, given by the bytes of its rows, to a chordal one; list its cliques."""
+    indptr, indices = np.frombuffer(starts, kind), np.frombuffer(columns, kind)
+    n = indptr.size - 1
+    given = sps.csr_array((np.ones(indices.size, bool), indices, indptr), shape=(n, n))
+    graph, order = chordal_extension(given, method)
+    return graph, order, *clique_tree(graph, order)
 
 
 def satisfies_running_intersection(cliques: Cliques) -> bool:

@@ -311,7 +311,7 @@ class AdaptiveSearch:
         same = hashed(relaxation, self.model.box)
         if same in self.solved:
             return None
-        expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        expected = self._expected(spec, relaxation)
         left, seen = self.context.deadline.expected, self.shared_state.cost_model
         self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
         if self._put_off:
@@ -336,6 +336,12 @@ class AdaptiveSearch:
         if spec.plain is not None and self.context.upper < poor:
             self.queue.again([spec])  # the cutoff was far from what it can be
         return relaxation
+
+    def _expected(self, spec: RelaxationSpec, relaxation: Relaxation) -> float:
+        """Estimate the seconds of a relaxation that is built."""
+        built = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        counted = spec.shape == "full" and spec.terms != "chordal"  # cliques, whose overlap counts
+        return min(built, self.shared_state.estimates.get(spec.name, built)) if counted else built
 
     def _accept(self, box_bound: BoxBound, relaxation: Relaxation | None) -> None:
         """Keep an argument on its box if its bound is better."""

@@ -365,11 +365,16 @@ class Certificate:
         Certificate or None
             None where nothing is proved.
         """
-        bound, correction, _ = self.recompute(problem, known)
+        found = bound, correction, _ = self.recompute(problem, known)
         if bound >= self.bound:
             return self
         lowered = claim(Proved(bound, correction, ""))
-        return replace(self, bound=lowered) if lowered > -np.inf else None
+        if lowered == -np.inf:
+            return None
+        made = replace(self, bound=lowered)
+        if known is not None:  # what is recomputed does not depend on the claim
+            known["certificate", problem.fingerprint, id(made)] = made, found
+        return made
 
     def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
         """Recompute node by node, so that memory does not grow; see :meth:`recompute`."""

@@ -178,8 +178,7 @@ def _prove_exactly(
     value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
     point = np.array([float(v) for v in exact])
     radius = max(
-        (abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)),
-        default=Fraction(0),
+        (abs(exact[v] - Fraction(float(point[v]))) for v in solved.tolist()), default=Fraction(0)
     )
     upper, reach = (float(Interval.of_fraction(v).hi) for v in (value, radius))
     kept = x.copy()

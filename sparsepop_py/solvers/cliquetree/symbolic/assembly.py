@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.conic.program import Cones
 from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, check, compiled_kernels
 from sparsepop_py.solvers.cliquetree.symbolic.fronts import Fronts
@@ -199,7 +200,7 @@ def _ranges(work: NDArray[Any], least: float, most: int) -> list[tuple[int, int]
     total = np.concatenate([[0.0], np.cumsum(work, dtype=float)])
     count = int(np.clip(total[-1] // least, 1, most))
     cuts = np.searchsorted(total, total[-1] / count * np.arange(1, count))
-    ends = np.unique(np.concatenate([[0], cuts, [work.size]])).tolist()
+    ends = monomials.distinct(np.concatenate([[0], cuts, [work.size]])).tolist()
     return list(pairwise(ends))
 
 
@@ -293,7 +294,7 @@ def _places(
     """Find the entries of fronts for pairs of groups of blocks side by side."""
     lanes = low.shape[1]
     place = np.empty(at[-1], np.uint32 if tree.entries < 2**32 else np.int64)
-    for count in np.unique(width).tolist():
+    for count in monomials.distinct(width).tolist():
         later, earlier = np.tril_indices(count)
         which = np.flatnonzero(width == count)
         step = max(1, _CHUNK // max(1, lanes * count**2))
@@ -381,7 +382,7 @@ def row_pairs(
     begin = np.searchsorted(row[order], np.arange(head + 1))
     length = np.diff(begin)
     found: list[list[Indices]] = [[], [], [], []]
-    for size in np.unique(length[length > 0]).tolist():
+    for size in monomials.distinct(length[length > 0]).tolist():
         rows = np.flatnonzero(length == size)
         nonzero = order[begin[rows][:, None] + np.arange(size)]
         at = spot[first[rows][:, None] + local[nonzero]]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.conic.program import Cones
 
 __all__ = ["LANES", "BlockStack", "Layout", "lay_out"]
@@ -128,7 +129,7 @@ def lay_out(cones: Cones, row: Indices, column: Indices, compiled: bool = False)
     alone = np.ones(sizes.size, bool)
     for which in alike:
         alone[which] = False
-    single = [np.flatnonzero(alone & (sizes == size)) for size in np.unique(sizes[alone])]
+    single = [np.flatnonzero(alone & (sizes == size)) for size in monomials.distinct(sizes[alone])]
     stacks: list[BlockStack] = []
     start = 0
     for which, side in [*((w, 1) for w in single), *((w, LANES) for w in alike)]:
