@@ -75,7 +75,7 @@ class BoundingSettings:
     short_shares: tuple[float, ...] = (1e-5, 1e-7, 1e-9)
     likely: float = 0.05
     short_loss: float = 0.01
-    rough_accuracy: float = 1e-4
+    rough_accuracy: float = 5e-3
     moments: int = 100
     margins: tuple[float, ...] = (1e-8, 1e-6, 1e-4)
     accuracies: tuple[float, ...] = (1e-7, 1e-6, 1e-5, 1e-4)

@@ -60,6 +60,10 @@ _KEPT = 4  # patterns whose analysis is kept
 # Seconds of solves by numpy from which on compiled kernels pay. What is loaded already does not
 _PRICE = 0.3  # count: the same program is solved by the same kernels, whatever was solved before
 _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
+_ROWS = 0.1  # part of the accuracy that rows may miss
+# Accuracy from which a solve is rough: those are on small boxes, where multipliers are large.
+_ROUGH = 1e-3
+_HEIGHT = 5.0  # multiple of the usual height of the start of such a solve
 _analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
 
 
@@ -215,8 +219,10 @@ def clique_tree(program: ConicProgram, settings: SolverSettings) -> ConicSolutio
         Its moments should lie in [-1, 1].
     settings : SolverSettings
     """
-    rows = max(1e-8, 1e-3 * settings.accuracy)  # what rows miss costs no proof
-    own = Settings(gap=max(1e-7, settings.accuracy), feasibility=rows, solves=settings.solves)
+    rows = max(1e-8, _ROWS * settings.accuracy)  # what rows miss costs no proof
+    gap = max(1e-7, settings.accuracy / max(1.0, abs(program.offset)))  # of the objective's range
+    height = _HEIGHT if settings.accuracy >= _ROUGH else 1.0
+    own = Settings(gap=gap, feasibility=rows, height=height, solves=settings.solves)
     if settings.max_iterations is not None:
         own = replace(own, iterations=settings.max_iterations)
     target, limit = settings.target, settings.time_limit

@@ -157,7 +157,7 @@ def minimise(
     Outcome
     """
     clock = _Clock()
-    point = start or _cold_start(numbers)
+    point = start or _cold_start(numbers, settings.height)
     fixed = numbers.fixed_entries(1.0 / settings.penalty)
     log: list[Iteration] = []
     best, early = point, None
@@ -246,11 +246,11 @@ def _factorize(
             clock.charge("factor")
 
 
-def _cold_start(numbers: Numbers) -> Iterate:
+def _cold_start(numbers: Numbers, multiple: float) -> Iterate:
     """Multiples of the unit matrix; the dual one by the size of the objective."""
     unit = numbers.cone.identity()
     spread = float(np.sqrt(np.mean(numbers.q**2))) if numbers.q.size else 1.0
-    height = min(1.0, max(spread, 1e-2))
+    height = min(1.0, max(multiple * spread, 1e-2))
     return Iterate(np.zeros_like(numbers.q), unit, height * unit, np.zeros_like(numbers.e))
 
 

@@ -67,6 +67,8 @@ class Settings:
     boundary, stretch : float
         Part of the way to the boundary that a step may go, and what is added to it times the
         length of the predictor.
+    height : float
+        Multiple of the size of the objective that first multipliers are.
     iterations : int
     kernels : {"auto", "numpy", "numba"}
         ``"auto"``: those of numba where it is installed and the program is large enough.
@@ -88,6 +90,7 @@ class Settings:
     refinements: int = 4
     boundary: float = 0.9
     stretch: float = 0.06
+    height: float = 1.0
     iterations: int = 80
     kernels: Literal["auto", "numpy", "numba"] = "auto"
     solves: int = 1
