@@ -314,7 +314,7 @@ def _best_proved(
 def _apart(
     problem: Problem, found: list[tuple[float, NDArray[Any]]]
 ) -> list[tuple[float, NDArray[Any]]]:
-    """Sort vectors by value; of those that are nearly the same keep the least violated one."""
+    """Sort vectors by value; of nearly equal ones keep the least violated."""
     kept: list[tuple[float, NDArray[Any]]] = []
     for value, x in sorted(found, key=lambda entry: entry[0]):
         near = _SAME * (1.0 + np.abs(x))
