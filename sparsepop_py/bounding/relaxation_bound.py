@@ -324,9 +324,10 @@ class Attempt:
             self.relaxation, self.scaled, z, 1.0 if empty else self.size, floor=self.share
         )
         if needed is not None and not empty:
-            short = self._proved(shortened(identity, BOUNDING.short_shares[0]), empty)
-            if claim(short.proved) >= needed:
-                return short
+            for share in BOUNDING.short_shares[:2]:  # with the last one little is left out
+                short = self._proved(shortened(identity, share), empty)
+                if claim(short.proved) >= needed:
+                    return short
         return self._proved(identity, empty)
 
     def _proved(self, identity: Identity, empty: bool) -> BoxBound:

@@ -10,6 +10,7 @@ import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.solvers import cliquetree, preferred, solve_conic
+from sparsepop_py.solvers.interface import SolverSettings
 
 
 def program(problem, order, **options):
@@ -298,3 +299,14 @@ def test_programs_without_matrices_or_rows():
     assert cliquetree.solve(p).dual == pytest.approx(-2.0, abs=1e-6)
     nothing = ConicProgram(np.zeros(1), sps.csc_array((0, 1)), np.zeros(0), Cones(0, 0, ()), 3.0)
     assert cliquetree.solve(nothing).dual == 3.0
+
+
+@pytest.mark.parametrize("constant", [0.0, 1e4, -1e6])
+def test_a_constant_does_not_loosen_the_gap_of_rough_solves(constant: float) -> None:
+    """The least value of x1 x2 + x2 x3 on the box is -2, whatever is added to it."""
+    x1, x2, x3 = sp.variables(3)
+    problem = sp.Problem(x1 * x2 + x2 * x3, lower=-1, upper=1)
+    moved = replace(program(problem, 2), offset=constant)
+    found = cliquetree.clique_tree(moved, SolverSettings(accuracy=5e-3))
+    assert found.status == "solved"
+    assert -2.01 <= found.dual - constant <= -2.0 + 1e-6
