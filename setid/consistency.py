@@ -63,7 +63,8 @@ __all__ = ["READ_OFF", "Consistency", "consistency"]
 READ_OFF = "read off this record"
 
 _SEARCH = 5.0  # seconds for a better estimate
-_MANY = 200  # equations: where the engine's relaxations are large
+_MANY = 100  # equations: where cells of denominators come first
+_LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.7  # of the time, for what refutes denominators
 _STARTS = 3  # denominators from which a fit begins
 
@@ -278,8 +279,11 @@ def consistency(
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
     if formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1]):
         return _exactly(formulation, noise)
-    way = _by_denominators if _is_long(formulation) else _by_engine
-    return way(data, model, noise, given, settings, until)
+    if _is_long(formulation):
+        least = _by_denominators(data, model, noise, given, settings, until)
+        if least.refuted is not None or _equations(formulation) > _LARGE:
+            return least
+    return _by_engine(data, model, noise, given, settings, until)
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
@@ -377,9 +381,13 @@ def _by_engine(
 # ---- long records of noisy outputs: cells of denominators --------------------------------
 
 
+def _equations(formulation: Formulation) -> int:
+    return int(np.count_nonzero(formulation.problem.equality))
+
+
 def _is_long(formulation: Formulation) -> bool:
-    """Check that a record is too long for the engine, and of noisy outputs alone."""
-    if np.count_nonzero(formulation.problem.equality) <= _MANY:
+    """Check that a record is long, and of noisy outputs alone."""
+    if _equations(formulation) <= _MANY:
         return False
     outputs = range(formulation.model.outputs)
     return all(output_rows(formulation, output) is not None for output in outputs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -234,6 +235,26 @@ def test_long_records_of_noisy_outputs_need_no_box(priors: list[setid.Stable]) -
     assert not replace(found, scale=(high, high)).verify().ok
     assert not replace(found, refuted=(1.2 * high, found.refuted[1])).verify().ok
     assert found.explains is (high <= 1.0)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_records_of_110_samples_are_bounded_by_cells_or_else_by_the_engine(held: bool) -> None:
+    """A constant input cannot be told from an offset, and cells say nothing."""
+    random, u = np.random.default_rng(3), np.full(110, 2.0)
+    u = u if held else random.uniform(-1.0, 1.0, 110)
+    y = lfilter([0.0, 1.0], [1.0, -0.7], u) + random.uniform(-0.1, 0.1, 110)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", setid.SetidWarning)
+        data = setid.IOData(u, y)
+        model = setid.TransferFunction(1, 1, 1, offset=True)
+        settings = setid.Options(time_limit=10.0, tol=0.05, progress=False)
+        priors = [setid.Stable()]
+        found = setid.consistency(data, model, setid.Noise(output=1.0), priors, settings)
+    by_cells = found.refuted is not None and isinstance(found.refuted[1], DenominatorCells)
+    assert by_cells is not held
+    assert found.verify().ok
+    low, high = found.scale
+    assert high <= 0.1 * (1.0 + 1e-3) and 0.0 < low <= high  # the noise that was added
 
 
 @pytest.mark.slow
