@@ -437,7 +437,7 @@ def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.in
 
 
 def _seconds_by_fronts(sizes: dict[int, float], rows: float, cliques: Cliques, order: int) -> float:
-    """Estimate the seconds of a solve along the clique tree, +inf where there is one clique.
+    """Estimate the seconds of a solve along the clique tree, +inf for one clique.
 
     A clique with m moments, of which its parent does not have k, takes about m^2 k
     multiplications a step. Where cliques overlap much, that is far less than blocks take apart.

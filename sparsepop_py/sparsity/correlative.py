@@ -248,7 +248,7 @@ def find_cliques(
 def _decomposed(
     starts: bytes, columns: bytes, kind: str, method: Method
 ) -> tuple[sps.csr_array, NDArray[np.int64], Members, NDArray[np.int64]]:
-    """Extend a graph, given by the bytes of its rows, to a chordal one; list its cliques."""
+    """Extend a graph, given by bytes, to a chordal one; list its cliques."""
     indptr, indices = np.frombuffer(starts, kind), np.frombuffer(columns, kind)
     n = indptr.size - 1
     given = sps.csr_array((np.ones(indices.size, bool), indices, indptr), shape=(n, n))
