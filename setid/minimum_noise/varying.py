@@ -45,6 +45,7 @@ _RANDOM, _STARTS, _AGAIN = 200, 5, 5  # denominators and descents for each unkno
 _SLOW = 3e-3  # least distance of a random pole from the unit circle
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _FAR = 1e100
+_DRAWING, _EXPLORING = 0.12, 0.25  # of the time: for random denominators, and with descents
 _TINY, _ALMOST = 1e-7, 1e-4
 _LOWER = 0.01  # of a level: where a descent is worth it
 _ALMOST_STABLE = 1.0 + 1e-4
@@ -131,25 +132,33 @@ class _Search:
         return solved[0]
 
     def explore(self) -> None:
-        """Descend from the best of random stable denominators, and again from what was found."""
+        """Descend from the best of random stable denominators, and again from what was found.
+
+        A part of the time is for it, lest cones get none where a record is long.
+        """
+        left = self._deadline.left
+        drawing, descending = (
+            Deadline(None if left is None else part * left) for part in (_DRAWING, _EXPLORING)
+        )
         random, n = np.random.default_rng(_SEED), self._rows.order
         tried = []
         for _ in range(_RANDOM * n):
-            if self._deadline.over:
+            if drawing.over:
                 break
             a = np.real(np.poly(_random_poles(random, n)))
             tried.append((self.try_denominator(a), a))
         tried.sort(key=lambda pair: pair[0])
-        found = sorted((self._descended(a) for _, a in tried[: _STARTS * n]), key=lambda x: x[0])
+        starts = (self._descended(a, descending) for _, a in tried[: _STARTS * n])
+        found = sorted(starts, key=lambda x: x[0])
         for level, a in found[:n]:
             for _ in range(_AGAIN):
                 before = level
-                level, a = self._descended(a)
+                level, a = self._descended(a, descending)
                 if level > (1.0 - _ALMOST) * before:
                     break
         self._explored = self.level
 
-    def _descended(self, a: Reals) -> tuple[float, Reals]:
+    def _descended(self, a: Reals, deadline: Deadline) -> tuple[float, Reals]:
         """Descend from a denominator (J. A. Nelder, R. Mead, 1965).
 
         The unknowns are logarithms of the coefficients in (z - 1) / (z + 1), positive for stable
@@ -162,7 +171,7 @@ class _Search:
         begin = np.log(np.maximum(size, _TINY * size.max()))
 
         def noise(x: Reals) -> float:
-            if self._deadline.over:
+            if deadline.over:
                 return _FAR
             return min(self.try_denominator((sign * np.exp(x)) @ basis), _FAR)
 
@@ -252,7 +261,7 @@ class _Search:
                 break
             self._part(node, low)
             if self.level < (1.0 - _LOWER) * self._explored:
-                self._descended(np.append(1.0, self.best[0]))
+                self._descended(np.append(1.0, self.best[0]), self._deadline)
                 self._explored = self.level
 
     def _part(self, node: _Node, low: float) -> None:
