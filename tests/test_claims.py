@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,12 +63,16 @@ def test_a_lowered_claim_is_recomputed_once_within_one_verification(
     """A check without what is known computes all of it again."""
     problem, certificate = over_the_disc()
     bold = Certificate(certificate.fingerprint, 10.0, certificate.root, certificate.cutoff)
-    counts, compute = [], Certificate._recomputed
-    monkeypatch.setattr(
-        Certificate, "_recomputed", lambda *given: counts.append(1) or compute(*given)
-    )
-    known: dict = {}
+    counts, compute = list[int](), Certificate._recomputed
+
+    def counted(*given: Any) -> tuple[float, float, str]:
+        counts.append(1)
+        return compute(*given)
+
+    monkeypatch.setattr(Certificate, "_recomputed", counted)
+    known: dict[Any, Any] = {}
     settled = bold.settled(problem, known)
+    assert settled is not None
     assert settled.settled(problem, known) is settled
     assert len(counts) == 1
     assert settled.verify(problem).ok

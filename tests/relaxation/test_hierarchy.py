@@ -28,14 +28,14 @@ def _apart(side: int, bounds: int, count: int) -> float:
     return expected_seconds(sizes, rows)
 
 
-def test_one_clique_is_priced_by_its_block():
+def test_one_clique_is_priced_by_its_block() -> None:
     found, cliques = _price(list(itertools.combinations(range(9), 2)), 9, 1)
     assert len(cliques.members) == 1
     assert found == pytest.approx(_apart(10, 9, 1))
 
 
 @pytest.mark.parametrize("width", [15, 25])
-def test_overlap_of_wide_cliques_is_counted_once(width):
+def test_overlap_of_wide_cliques_is_counted_once(width: int) -> None:
     n = 2 * width
     band = [(i, j) for i in range(n) for j in range(i + 1, min(n, i + width))]
     found, cliques = _price(band, n, 1)
@@ -43,7 +43,7 @@ def test_overlap_of_wide_cliques_is_counted_once(width):
     assert found < 0.2 * _apart(width + 1, width, len(cliques.members))
 
 
-def test_cliques_that_share_little_cost_no_more_than_apart():
+def test_cliques_that_share_little_cost_no_more_than_apart() -> None:
     chain = list(itertools.pairwise(range(30)))
     found, cliques = _price(chain, 30, 2)
     assert len(cliques.members) == 29
