@@ -63,6 +63,7 @@ _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new m
 _ROWS = 0.1  # part of the accuracy that rows may miss
 # Accuracy from which a solve is rough: those are on small boxes, where multipliers are large.
 _ROUGH = 1e-3
+_LOOSE = 1e-4  # gap and residual at which the point of a rough solve that stalls is still used
 _HEIGHT = 5.0  # multiple of the usual height of the start of such a solve
 _analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
 
@@ -222,7 +223,8 @@ def clique_tree(program: ConicProgram, settings: SolverSettings) -> ConicSolutio
     rows = max(1e-8, _ROWS * settings.accuracy)  # what rows miss costs no proof
     gap = max(1e-7, settings.accuracy / max(1.0, abs(program.offset)))  # of the objective's range
     height = _HEIGHT if settings.accuracy >= _ROUGH else 1.0
-    own = Settings(gap=gap, feasibility=rows, height=height, solves=settings.solves)
+    loose = max(1e-5, min(_LOOSE, settings.accuracy))
+    own = Settings(gap=gap, loose=loose, feasibility=rows, height=height, solves=settings.solves)
     if settings.max_iterations is not None:
         own = replace(own, iterations=settings.max_iterations)
     target, limit = settings.target, settings.time_limit
