@@ -31,7 +31,7 @@ _CREEPING = 1e-4  # relative: smaller gains in ten steps are left to other metho
 _SMALL = 12  # variables up to which several methods are tried from each start
 _AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
 _CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
-_SAME = 1e-9  # relative difference of vectors that are nearly the same: one proof is tried
+_SAME = 1e-9  # difference from a vector near which a point was proved: another proof says no more
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
@@ -301,26 +301,16 @@ def _best_proved(
 
     When time is over one proof is still tried: without any point no gap is known.
     """
-    for number, (value, x) in enumerate(_apart(problem, found)):
+    tried: list[NDArray[Any]] = []
+    for number, (value, x) in enumerate(sorted(found, key=lambda entry: entry[0])):
         known = aim.known if best is None else min(best.value, aim.known)
         if value >= known - aim.gain or (number and time.monotonic() >= end):
             break
+        if any(np.all(np.abs(x - other) <= _SAME * (1.0 + np.abs(x))) for other in tried):
+            continue
         proved = prove_feasible(problem, x)
+        if proved is not None:
+            tried.append(x)
         if proved is not None and (best is None or proved.value < best.value):
             best = proved
     return best
-
-
-def _apart(
-    problem: Problem, found: list[tuple[float, NDArray[Any]]]
-) -> list[tuple[float, NDArray[Any]]]:
-    """Sort vectors by value; of nearly equal ones keep the least violated."""
-    kept: list[tuple[float, NDArray[Any]]] = []
-    for value, x in sorted(found, key=lambda entry: entry[0]):
-        near = _SAME * (1.0 + np.abs(x))
-        same = [place for place, (_, other) in enumerate(kept) if np.all(np.abs(x - other) <= near)]
-        if not same:
-            kept.append((value, x))
-        elif problem.violation(x) < problem.violation(kept[same[0]][1]):
-            kept[same[0]] = value, x
-    return kept
