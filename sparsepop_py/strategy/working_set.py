@@ -164,7 +164,7 @@ class WorkingSetSearch:
         return not self.search.exhausted
 
     def _set(self, rows: NDArray[np.int64]) -> bool:
-        """Take another working set, or keep the present one: False if it is empty or nearly all."""
+        """Take a working set; False, and the present one stays, if it is empty or large."""
         total = len(self.whole.context.problem.constraints)
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
