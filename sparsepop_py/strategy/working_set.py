@@ -164,7 +164,7 @@ class WorkingSetSearch:
         return not self.search.exhausted
 
     def _set(self, rows: NDArray[np.int64]) -> bool:
-        """Take a working set; False, and the present one stays, if it is empty or large."""
+        """Check that a working set is neither empty nor large, and take it."""
         total = len(self.whole.context.problem.constraints)
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
