@@ -97,8 +97,8 @@ _LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 _MANY = 200  # equations beyond which records of noisy outputs are simulated first
 _CELLS = 2000  # regions that are parted at most
-_REGIONS = 5000  # equations beyond which parting regions costs less than the engine
-_NEAR = 1.0  # of the attained widths: how far the first region may reach beyond them there
+_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked, where
+_NEAR = 0.01  # ... the first region reaches no farther beyond the attained ends, in widths
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
