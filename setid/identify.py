@@ -97,8 +97,8 @@ _LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 _MANY = 200  # equations beyond which records of noisy outputs are simulated first
 _CELLS = 2000  # regions that are parted at most
-_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked, where
-_NEAR = 0.01  # ... the first region reaches no farther beyond the attained ends, in widths
+_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
+_NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
@@ -465,8 +465,8 @@ def _by_simulation(
 ) -> Identification | None:
     """Settle all ends by simulations over regions; None where no box to begin with is finite.
 
-    Regions are parted where the engine has no better way: for cascades, and for the longest
-    records where rows over the first region tell much.
+    Regions are parted where the engine has no better way: for cascades, and for long records whose
+    first region is near the attained ends.
     """
     fits = task.deadline.part(_FITS if is_cascade(formulation) else _FIT)
     found = task.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
@@ -478,8 +478,8 @@ def _by_simulation(
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
     cells = _CELLS if is_cascade(formulation) or _equations(formulation) > _REGIONS else 0
     near = inf if is_cascade(formulation) else _NEAR
-    settings = task.settings.tol, task.deadline.part(share), cells, near
-    tighten = partial(tightened_cascade, found, box, *settings)
+    deadline, tol = task.deadline.part(share), task.settings.tol
+    tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
     tightened = task.kept("cells", tighten, None)
     if tightened is not None and tightened.empty:
         return task.empty(formulation, Outcome(box=tightened, notes=notes))

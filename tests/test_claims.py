@@ -75,7 +75,10 @@ def test_a_lowered_claim_is_recomputed_once_within_one_verification(
     assert settled is not None
     assert settled.settled(problem, known) is settled
     assert len(counts) == 1
-    assert settled.verify(problem).ok
+    known_bound = settled.verify(problem, known).bound
+    assert len(counts) == 1
+    found = settled.verify(problem)
+    assert found.ok and found.bound == known_bound < 10.0
     assert len(counts) == 2
 
 

@@ -403,7 +403,7 @@ def _output(
         error=error,
         attained=attained,
         lower_bound=min(low, error),
-        certificate=None if known is None else known.certificate or known.cells,
+        certificate=None if known is None else _proof(known),
         outputs=frozen(outputs),
         data=data,
         model=model,
@@ -475,6 +475,12 @@ def _by_engine(
     if best is None or (point is not None and point.value < best.value):
         best = point
     return replace(known, certificate=found.certificate, attained=best)
+
+
+def _proof(known: OutputErrors) -> sp.Certificate | DenominatorCells | None:
+    """What proves the bound: cells, or the engine's certificate where that proves more."""
+    by_cells = known.certificate is None or output_bound(known) <= known.level
+    return known.cells if by_cells else known.certificate
 
 
 def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> tuple[Reals, Reals]:

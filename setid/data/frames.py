@@ -73,10 +73,13 @@ def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray
     values = np.asarray(column)
     if values.dtype.kind == "O":  # columns with marks of missing values
         values = np.array([np.nan if _is_gap(item) else item for item in values], object)
-    if values.dtype.kind in "bmM" or any(
-        isinstance(v, (str, bytes, bool)) for v in values.tolist()
-    ):
-        raise DataError(f"frame, column {name!r}: found {values[0]!r:.40}, expected real numbers")
+    wrong = values.dtype.kind in "bmM"  # all of them
+    for sample, value in enumerate(values.tolist()):
+        if wrong or isinstance(value, (str, bytes, bool)):
+            raise DataError(
+                f"frame, column {name!r}, sample {sample}: found {values[sample]!r:.40}, "
+                "expected a real number"
+            )
     found = real_array(values, f"frame, column {name!r}", DataError)
     if found.ndim != 1:
         raise DataError(f"frame, column {name!r}: found shape {found.shape}, expected (N,)")

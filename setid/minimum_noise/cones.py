@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["changing_edge", "handed_on", "monic"]
+__all__ = ["changing_edge", "edge_weights", "handed_on", "monic"]
 
 Reals = NDArray[np.float64]
 _LAST = 4  # of the multipliers that a cone hands on
@@ -69,8 +69,23 @@ def changing_edge(
         return None
     more = moved[i] - moved[j]
     more = np.sign(more) * np.clip(abs(more) - _LITTLE, 0.0, _MOVED)
-    uneven = int(np.clip(np.round(np.log2(sizes[j] / sizes[i]) + more), -_UNEVEN, _UNEVEN))
-    return i, j, (2 ** max(uneven, 0), 2 ** max(-uneven, 0))
+    return i, j, edge_weights(float(np.log2(sizes[j] / sizes[i]) + more))
+
+
+def edge_weights(uneven: float) -> tuple[int, int]:
+    """Choose powers of two whose quotient is about 2 to a power.
+
+    Parameters
+    ----------
+    uneven : float
+
+    Examples
+    --------
+    >>> edge_weights(3.2), edge_weights(-1), edge_weights(1e3)
+    ((8, 1), (1, 2), (16777216, 1))
+    """
+    power = int(np.clip(np.round(uneven), -_UNEVEN, _UNEVEN))
+    return 2 ** max(power, 0), 2 ** max(-power, 0)
 
 
 def monic(a: Reals, stable: bool) -> Reals | None:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cones import monic
-from setid.minimum_noise.programs import Programs
+from setid.minimum_noise.cones import edge_weights, monic
+from setid.minimum_noise.programs import Programs, shifted
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     Cone,
@@ -35,7 +35,6 @@ __all__ = ["by_corners"]
 
 Reals = NDArray[np.float64]
 _MEMORY = 2.0**28  # bytes of multipliers
-_UNEVEN = 24  # largest power of two between the weights of an edge
 
 
 class _Corner(NamedTuple):
@@ -133,29 +132,22 @@ class _Search:
             self._level = level
             found = monic(vector, self._rows.stable)
             self._best = self._best if found is None else [found[1:], *self._best[:4]]
-        noise = float(let_through(self._rows, vector @ self._shifted(multiplier)))
+        noise = float(let_through(self._rows, vector @ shifted(multiplier, self._rows.order)))
         if not (np.isfinite(noise) and noise > 0.0):
             return None
         multiplier = multiplier * (size * size / noise)
         self._multipliers.append(multiplier)
-        y, length = self._rows.y, multiplier.size
-        moment = [multiplier[i:] @ y[: length - i] for i in range(vector.size)]
-        return _Corner(len(self._multipliers) - 1, power, vector, np.array(moment))
-
-    def _shifted(self, multiplier: Reals) -> Reals:
-        n, length = self._rows.order, multiplier.size
-        found = np.zeros((n + 1, length))
-        for i in range(n + 1):
-            found[i, : length - i] = multiplier[i:]
-        return found
+        moment = shifted(multiplier, self._rows.order) @ self._rows.y
+        return _Corner(len(self._multipliers) - 1, power, vector, moment)
 
     def _bound(self, corners: list[_Corner]) -> tuple[float, tuple[int, int]]:
         """The error that a family refutes, and the pair of vectors that says least."""
         one, two = self._one, self._two
         vectors = np.array([corner.vector for corner in corners])
-        shifted = np.array([self._shifted(self._multipliers[c.number]) for c in corners])
+        order = self._rows.order
+        ahead = np.array([shifted(self._multipliers[c.number], order) for c in corners])
         value = vectors @ np.array([corner.moment for corner in corners]).T
-        filtered = np.einsum("jv,kvn->jkn", vectors, shifted)
+        filtered = np.einsum("jv,kvn->jkn", vectors, ahead)
         needed = value[one, two] + value[two, one]
         noise = let_through(self._rows, filtered[one, two] + filtered[two, one])
         ratio = needed / np.maximum(noise, 1e-300)
@@ -166,8 +158,7 @@ class _Search:
     def _part(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
         i, j = edge
         sizes = [max(abs(int(v)) for v in cone[place].tolist()) for place in edge]
-        uneven = int(np.clip(sizes[1].bit_length() - sizes[0].bit_length(), -_UNEVEN, _UNEVEN))
-        weights = 2 ** max(uneven, 0), 2 ** max(-uneven, 0)
+        weights = edge_weights(sizes[1].bit_length() - sizes[0].bit_length())
         parts = parted_cone(cone, (i, j), weights) if i != j else None
         if parts is None:  # too thin: it stays a leaf
             self._cap = min(self._cap, low)

@@ -19,7 +19,7 @@ from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones import changing_edge, handed_on, monic
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
-from setid.minimum_noise.programs import Programs, longest_stretch
+from setid.minimum_noise.programs import Programs, longest_stretch, shifted
 from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
@@ -184,7 +184,7 @@ class _Search:
         multiplier = multiplier / noise
         number = len(self._multipliers)
         self._multipliers.append(multiplier)
-        self._moments.append(self._moment(multiplier))
+        self._moments.append(shifted(multiplier, self._rows.order) @ self._rows.y)
         sizes = self._noises(multiplier, grown.cone.astype(np.float64))
         values = grown.cone.astype(np.float64) @ self._moments[number]
         first = program == 0
@@ -208,20 +208,7 @@ class _Search:
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
-        shifted = self._shifted(multiplier)
-        return let_through(self._rows, vectors @ shifted)
-
-    def _shifted(self, multiplier: Reals) -> Reals:
-        n, length = self._rows.order, multiplier.size
-        found = np.zeros((n + 1, length))
-        for i in range(n + 1):
-            found[i, : length - i] = multiplier[i:]
-        return found
-
-    def _moment(self, multiplier: Reals) -> Reals:
-        y, length = self._rows.y, multiplier.size
-        lags = range(self._rows.order + 1)
-        return np.array([multiplier[i:] @ y[: length - i] for i in lags])
+        return let_through(self._rows, vectors @ shifted(multiplier, self._rows.order))
 
     def _bound(self, grown: _Grown) -> tuple[float, Reals]:
         """The factor that weighted multipliers refute in a cone, and their signed weights."""
@@ -272,7 +259,7 @@ class _Search:
     def _part(self, grown: _Grown, low: float) -> None:
         """Part a cone at the edge along which its multipliers change most."""
         cone = grown.cone.astype(np.float64)
-        filtered = cone @ self._shifted(self._multipliers[grown.centre])
+        filtered = cone @ shifted(self._multipliers[grown.centre], self._rows.order)
         edge = changing_edge(filtered, grown.sizes, self._rows.bound)
         parts = None if edge is None else parted_cone(grown.cone, edge[:2], edge[2])
         if edge is None or parts is None:  # too thin: it stays a leaf

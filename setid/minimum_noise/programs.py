@@ -11,7 +11,7 @@ from scipy.linalg import qr
 from setid.proofs.least_noise.denominator_cells import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
-__all__ = ["Programs", "longest_stretch"]
+__all__ = ["Programs", "longest_stretch", "shifted"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -217,3 +217,26 @@ def _exchanged(
 
 def _columns(basis: Reals, reference: Integers, signs: Reals) -> Reals:
     return np.vstack([(basis[reference] * signs[:, None]).T, np.ones(reference.size)])
+
+
+def shifted(multiplier: Reals, order: int) -> Reals:
+    """Move a multiplier (N,) ahead by 0, ..., n samples, (n + 1, N).
+
+    Times a denominator (n + 1,) from the left it is filtered; times the outputs (N,) it gives what
+    it makes of the readings, for each coefficient.
+
+    Parameters
+    ----------
+    multiplier : (N,) float
+    order : int
+
+    Examples
+    --------
+    >>> shifted(np.array([1.0, 2.0, 3.0]), 1)
+    array([[1., 2., 3.],
+           [2., 3., 0.]])
+    """
+    found = np.zeros((order + 1, multiplier.size))
+    for i in range(order + 1):
+        found[i, : multiplier.size - i] = multiplier[i:]
+    return found

@@ -419,7 +419,7 @@ def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> t
     q, lost, shifted, rounding = moments(rows, multipliers, doubts)
     value = q @ vectors.T
     filtered = np.einsum("kv,mvn->mkn", vectors, shifted)
-    noise = let_through(rows, filtered) + _TINY
+    noise = let_through(rows, filtered)
     return value, (noise + lost @ np.abs(vectors).T) * (1.0 + 4 * rounding) * _MORE
 
 
@@ -449,7 +449,7 @@ def let_through(rows: OutputRows, filtered: Reals) -> Reals:
         return np.asarray(size @ rows.bound, np.float64)
     scaled = size * rows.bound
     if rows.norm == "l2":
-        return np.asarray(np.sqrt(np.sum(scaled * scaled, axis=-1)), np.float64)
+        return np.asarray(np.sqrt(np.sum(scaled * scaled, axis=-1)) + _TINY, np.float64)
     return np.asarray(scaled.max(axis=-1, initial=0.0), np.float64)
 
 

@@ -49,7 +49,6 @@ __all__ = ["VaryingCells", "hurwitz_minors", "pairs"]
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
-_TINY = 1e-140  # more than the root of squares that underflow
 _POWER = 400  # largest of two: quotients of integers and powers are normal
 
 
@@ -164,7 +163,7 @@ def _sides(
         q, lost, shifted, rounding = moments(rows, multipliers[family], doubts[family])
         value, loss = vectors @ q.T, np.abs(vectors) @ lost.T
         filtered = np.einsum("jv,kvn->jkn", vectors, shifted)
-        let = let_through(rows, filtered[one, two] + filtered[two, one]) + _TINY
+        let = let_through(rows, filtered[one, two] + filtered[two, one])
         needed[m] = value[one, two] + value[two, one]
         noise[m] = (let + loss[one, two] + loss[two, one]) * (1.0 + 4.0 * rounding) * _MORE
     return needed, noise

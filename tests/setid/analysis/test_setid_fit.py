@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
+from setid.proofs.least_noise.least_error import Norm
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
 HAIRDRYER = setid.IOData.from_csv(RECORD, "u", "y", Ts=0.08).split(200)[0]
@@ -36,9 +37,9 @@ def least_error(data: setid.IOData, a: float, norm: str) -> float:
 
 
 @pytest.mark.parametrize("norm", ["l2", "l1"])
-def test_a_measured_record_closes_without_priors(norm: str) -> None:
+def test_a_measured_record_closes_without_priors(norm: Norm) -> None:
     model = setid.TransferFunction(1, 1, 3, offset=True)
-    found = setid.fit(HAIRDRYER, model, norm=norm)  # type: ignore[arg-type]
+    found = setid.fit(HAIRDRYER, model, norm=norm)
     assert found.attained and found.gap < 2e-3 and bool(found.verify())
     levels = [least_error(HAIRDRYER, a, norm) for a in np.linspace(-0.95, -0.75, 41)]
     assert found.lower_bound <= min(levels) and found.error <= min(levels) * 1.001

@@ -126,7 +126,7 @@ def test_records_from_frames() -> None:
     assert plain.input_names == ("valve",) and plain.output_names == ("level",)
     with pytest.raises(setid.DataError, match="'gauge'"):
         setid.IOData.from_frame(frame, "gauge", "level")
-    with pytest.raises(setid.DataError, match="'word'.*real numbers"):
+    with pytest.raises(setid.DataError, match="'word', sample 0: found 'a', expected a real"):
         setid.IOData.from_frame(frame, "word", "level")
     with pytest.raises(setid.DataError, match="DataFrame"):
         setid.IOData.from_frame([1, 2], "valve", "level")
@@ -168,12 +168,15 @@ def test_records_from_any_table_with_columns_by_name() -> None:
         u=np.array([None, 3.0, 1.0], object),
         y=np.array([1, 2, 1]),
         flag=np.array([True, False, True]),
+        text=np.array([1.0, "x", 2.0], object),
     )
     data = setid.IOData.from_frame(table, "u", "y", time="t")
     assert data.Ts == 2.0 and data.input_names == ("u",)
     assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
-    with pytest.raises(setid.DataError, match="'flag'.*real numbers"):
+    with pytest.raises(setid.DataError, match="'flag', sample 0: found .*True.*a real number$"):
         setid.IOData.from_frame(table, "flag", "y")
+    with pytest.raises(setid.DataError, match="'text', sample 1: found 'x', expected a real"):
+        setid.IOData.from_frame(table, "text", "y")
 
 
 def test_names_of_tables_are_those_of_channels_and_second_names_are_units() -> None:

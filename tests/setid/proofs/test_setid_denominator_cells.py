@@ -90,6 +90,16 @@ def test_gains_of_two_readings_in_each_norm(norm: str, least: float) -> None:
     assert refuted(0.999 * least) and not refuted(1.001 * least)
 
 
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+def test_noise_whose_squares_underflow_is_let_through(norm: str) -> None:
+    """Readings of 1e-89, multipliers of 1e-88: the squares of their products are zero."""
+    rows = output_rows(stated(setid.IOData([1.0, 2.0], [0.0, 3e-89]), STATIC, 1.0), 0)
+    assert rows is not None
+    least = {"linf": 1.0, "l2": 3.0 / 5**0.5, "l1": 1.5}[norm]
+    at = rows._replace(bound=np.full(2, 1.001e-89 * least), norm=norm)
+    assert not by_one([-2e-88, 1e-88]).follows(at)
+
+
 def smallest(data: setid.IOData, a: list[float], norm: str) -> float:
     """Least error of a simulation with a given denominator, nb = 1, nk = 1, in another way."""
     n, count = len(a), data.samples
