@@ -478,7 +478,7 @@ def _by_engine(
 
 
 def _proof(known: OutputErrors) -> sp.Certificate | DenominatorCells | None:
-    """What proves the bound: cells, or the engine's certificate where that proves more."""
+    """The cells, or the certificate of the engine where that proves more."""
     by_cells = known.certificate is None or output_bound(known) <= known.level
     return known.cells if by_cells else known.certificate
 

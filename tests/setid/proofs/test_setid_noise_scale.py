@@ -102,6 +102,9 @@ def test_lies_about_enclosed_factors_are_refused(bracket: setid.Consistency) -> 
     assert not replace(bracket, theta=bracket.theta + 1e-6, witness=None).verify().ok
     proof = bracket.result.certificate
     assert proof is not None
+    share = proof.bound * bracket.limit  # of the limit, which is not 1
+    alone = replace(bracket, refuted=None, scale=((1.0 - 1e-15) * share, high))
+    assert alone.verify().ok and not replace(alone, scale=(1.001 * share, high)).verify().ok
     better = replace(bracket.result, certificate=replace(proof, bound=1.0))
     assert not replace(bracket, result=better, scale=(bracket.limit * 0.99, inf)).verify().ok
     bare = replace(bracket, result=None, refuted=None, witness=None)
