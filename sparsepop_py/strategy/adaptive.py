@@ -205,8 +205,9 @@ class AdaptiveSearch:
         # another box than before, which need not be within it
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
-        if self.search is None and self.tried and width.min(initial=1.0) < STRATEGY.smaller_box:
-            # the same relaxation may prove more now
+        # a gap shrinks at least as fast as the box: the same relaxation may close it now
+        smaller = max(STRATEGY.smaller_box, 1.0 / max(self.left, 1.0))
+        if self.search is None and self.tried and width.min(initial=1.0) < smaller:
             self.queue.again(spec for spec, _, _ in self.tried)
             self.tried = []
         self._shrink()
