@@ -235,6 +235,15 @@ def _differ(one: Cliques, other: Cliques) -> bool:
     return one.members != other.members
 
 
+def _worth(progress: float) -> float:
+    """Weigh progress: mostly by the chance that the like of it closes a gap.
+
+    A closed gap saves the stronger relaxations.
+    """
+    chance = progress**HIERARCHY.seldom
+    return HIERARCHY.closed * chance + (1.0 - HIERARCHY.closed) * progress
+
+
 @dataclass(eq=False)
 class CostModel:
     """Measured seconds and progress of relaxations over one feasible set. Mutable.
@@ -259,13 +268,11 @@ class CostModel:
     def learn(self, name: str, progress: float, seconds: float) -> None:
         """Record progress and seconds of a relaxation; older records fade.
 
-        A closed gap counts more than progress: it saves the stronger relaxations. Less time
-        than before counts at once, since what was analysed the first time is remembered.
+        Less time than before counts at once, since what was analysed the first time is remembered.
         """
         if self.learned is not None:
             self.learned.append((name, progress, seconds))
-        worth = HIERARCHY.closed * (progress >= 1.0) + (1.0 - HIERARCHY.closed) * progress
-        for table, value in ((self.progress, worth), (self.seconds, seconds)):
+        for table, value in ((self.progress, _worth(progress)), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
         self.seconds[name] = min(self.seconds[name], seconds)
 
@@ -286,7 +293,7 @@ class CostModel:
             Its expected seconds.
         """
         progress = max(0.0, (spec.share - share) / (1.0 - share + 1e-9))
-        worth = HIERARCHY.closed * progress**HIERARCHY.seldom + (1.0 - HIERARCHY.closed) * progress
+        worth = _worth(progress)
         if spec.name in self.progress:
             worth = 0.3 * worth + 0.7 * self.progress[spec.name]
         return worth / max(1e-3, seconds)

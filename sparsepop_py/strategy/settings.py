@@ -50,7 +50,8 @@ class StrategySettings:
     turn : int
         Steps of an objective before it is the next one's turn.
     worth_turn : float
-        Share of a gap: a step that leaves more of it ends the turn of its objective.
+        Share of a gap: a step that leaves more of it ends the turn of its objective, and a tree on
+        a working set that does gains little.
     rounding : float
         Gaps this small, of values near 1, are closed: a few units of rounding.
     order_rounds : int
@@ -89,10 +90,13 @@ class StrategySettings:
     binding, missing : float
         Share of the largest price: constraints with less are left out of a working set at first,
         and later of those that join it.
+    tight : float
+        Gap, in gaps that count as closed, from which down the point of a relaxation on a working
+        set tells which constraints are missing.
     working_rounds : int
         Local searches after which constraints are added to a working set, at most.
     working_slice : float
-        Seconds that a tree on a working set grows before all neighbours join.
+        Seconds that a tree on a working set grows before relaxations are considered again.
     long_star : float
         Expected seconds of a star relaxation from which working sets are worth their local
         searches.
@@ -137,6 +141,7 @@ class StrategySettings:
     most_working: float = 0.6
     binding: float = 1e-3
     missing: float = 0.1
+    tight: float = 10.0
     working_rounds: int = 8
     working_slice: float = 1.5
     long_star: float = 2.5

@@ -77,12 +77,21 @@ class WorkingSetSearch:
         Whether the whole search has to go on.
     spent : float
         Seconds of all steps so far.
+    judged : int
+        Nodes of the tree on the set when its gain was judged last; 0 before.
+    left : float
+        The gap that it left by then, in gaps that count as closed.
+    slow : bool
+        Whether it had gained little since it was judged before.
     """
 
     whole: AdaptiveSearch
     costs: CostModel
     done: bool = False
     spent: float = 0.0
+    judged: int = 0
+    left: float = np.inf
+    slow: bool = False
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
@@ -103,15 +112,22 @@ class WorkingSetSearch:
             self.done = True
             return False
         assert self.search is not None
+        left = self.search.left
         self.search.run(1)
         self._take()
+        self._judge(left)
         if not self.whole.over:
             self._grow()
         self.spent += self.whole.context.deadline.now() - start
         return True
 
     def _whole_first(self) -> bool:
-        """Check whether the untried star on all constraints costs far less by now."""
+        """Check whether the untried star on all constraints costs far less by now.
+
+        A tree on the set is not interrupted.
+        """
+        if self._nodes:
+            return False
         queue = self.whole.queue
         stars = (queue.seconds(spec) for spec in queue.specs if spec.shape == "star")
         return self.spent > STRATEGY.whole_star * next(stars, np.inf)
@@ -169,23 +185,44 @@ class WorkingSetSearch:
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
         self.rows, self.search = rows, None
+        self.judged, self.slow = 0, False
         self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
         return True
 
-    def _grow(self) -> None:
-        """Add constraints that the last point contradicts, or search an incumbent from it.
+    @property
+    def _nodes(self) -> int:
+        """Nodes of the tree on this set, 0 before the first."""
+        tree = None if self.search is None else self.search.search
+        return 0 if tree is None else tree.seen
 
-        Constraints that do not bind make a relaxation tighter, too: where a tree was grown and none
-        is missing, all neighbours join.
+    def _judge(self, left: float) -> None:
+        """Check how much a tree gains; ``left`` is the gap before the step.
+
+        The bound of a node moves with the second of its children.
+        """
+        assert self.search is not None
+        new = self._nodes - self.judged
+        if new > 1 or (new == 1 and not self.judged):
+            before = self.left if self.judged else left
+            self.left, self.judged = self.search.left, self._nodes
+            self.slow = self.left > STRATEGY.worth_turn * before
+
+    def _grow(self) -> None:
+        """Add constraints that the last point, or the minimiser near it, contradicts.
+
+        The point of a loose relaxation contradicts many that are not needed: it counts where the
+        gap is small. Where a tree gains little and none is missing, all neighbours join:
+        constraints that do not bind make a relaxation tighter, too.
         """
         assert self.search is not None and self.small is not None
         point, self.search.point = self.search.point, None
-        best, tree = self.whole.context.best, self.search.search
+        best = self.whole.context.best
         if point is not None and best is not None:
             x = self.small.point(point, best.x)
-            self._joined(x)
+            if self.search.left < STRATEGY.tight:
+                self._joined(x)
             self._complete(x)
-        if self.search is not None and tree is not None and not self.whole.over:
+        if self.slow and self.search is not None and not self.whole.over:
             assert self.rows is not None
             self.done = not self._set(self._near(self._near(self.rows)))
 
@@ -246,7 +283,7 @@ class WorkingSetSearch:
             cost_model=self.costs,
             estimates={},
             active=None,
-            obbt_lp="obbt_lp" not in options.skip,
+            obbt_lp=False,  # costs more than a relaxation here, and gains little
         )
         own: SolveContext = replace(
             context, problem=problem, options=options, best=self._incumbent(), repair=None

@@ -49,6 +49,16 @@ def test_less_time_counts_at_once_and_more_time_slowly():
     assert 0.7 < seen.seconds["star"] < 1.7
 
 
+def test_one_near_miss_leaves_a_relaxation_likely_to_close_the_next_gap():
+    chances = []
+    for share in (0.0, 0.5, 0.9, 1.0):
+        seen = CostModel()
+        seen.learn("star", share, 1.0)
+        chances.append(seen.closes("star"))
+    assert chances[0] == 0.0 and chances[1] < 0.2
+    assert chances[2] > 0.5 and chances[3] == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(("variables", "expected"), [(50, True), (500, False)])
 def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
     """A block of 500 variables has 125 751 entries, and the square of that is stored."""
@@ -111,6 +121,27 @@ def test_a_box_made_with_a_lower_cutoff_is_left_where_the_cutoff_rises(skip):
     x = np.column_stack([x, 1.0 - x[:, 0] * x[:, 1]])
     held = (x[:, 2] >= 0) & (x[:, 0] + x[:, 1] <= 1.5) & (x[:, 0] * x[:, 2] >= 0.3)
     assert certificate.bound <= -x[held, 1].max()
+
+
+@pytest.mark.parametrize(
+    ("left", "share", "again"), [(1.2, 0.8, True), (3.0, 0.8, False), (3.0, 0.6, True)]
+)
+def test_a_relaxation_returns_where_the_box_shrank_by_what_its_gap_lacks(left, share, again):
+    problem, options = bilinear(), Options(effort="auto", gap=0.1)
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    assert best is not None
+    context = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=1.0)
+    shared = Model(*find_box(problem, None, options))
+    state = SharedState.of(problem, (problem.objective,), options)
+    auto = AdaptiveSearch(context, shared, [], state)
+    gap = auto.context.upper - auto.bound
+    auto.context = replace(auto.context, unit=gap / (auto.context.allowed * left))
+    assert auto.left == pytest.approx(left)
+    auto.tried = [(state.specs[0], auto.bound, 1.0)]
+    wide = shared.box.width() * share
+    smaller = Interval(shared.box.lo, np.where(shared.box.lo == 0, wide, shared.box.hi))
+    auto.restart(replace(shared, box=smaller))
+    assert (auto.tried == []) == again
 
 
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -10,6 +14,7 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.local_search import slp
+from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import settings, working_set
 from sparsepop_py.strategy.working_set import WorkingSetSearch
 
@@ -163,12 +168,33 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
     monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
     monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)  # the set stays too small
     names = {}
-    for share in (0.0, np.inf):
+    for share, seconds in ((0.0, 60.0), (np.inf, 2.0)):
         chosen = settings.StrategySettings(long_star=0.0, whole_star=share)
         monkeypatch.setattr(working_set, "STRATEGY", chosen)
-        results = both_ends(problem_of(*record()))
-        assert all(result.status is Status.OPTIMAL for result in results)
+        results = both_ends(problem_of(*record()), replace(WIDTH, time_limit=seconds))
+        assert share or all(result.status is Status.OPTIMAL for result in results)
         names[share] = [[entry.name for entry in result.history] for result in results]
     longer = [each for each in names[0.0] if len(each) > 1]
     assert longer and not any(each[1].endswith("constraints") for each in longer)
     assert any(len(each) > 1 and each[1].endswith("constraints") for each in names[np.inf])
+
+
+@pytest.mark.parametrize(
+    ("nodes", "gaps", "slow"),
+    [
+        ((1,), (100.0, 60.0), True),
+        ((1,), (100.0, 40.0), False),
+        ((1, 2), (100.0, 40.0, 40.0), False),  # the second of two children moves the bound
+        ((1, 2, 3), (100.0, 40.0, 40.0, 19.0), False),
+        ((1, 2, 3), (100.0, 40.0, 40.0, 21.0), True),
+        ((9, 90), (100.0, 40.0, 39.0), True),
+        ((0, 0), (100.0, 90.0, 80.0), False),  # relaxations are not judged
+    ],
+)
+def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, gaps, slow):
+    tree = SimpleNamespace(seen=0)
+    search = SimpleNamespace(search=tree, left=gaps[0])
+    own = WorkingSetSearch(cast(Any, None), CostModel(), search=cast(Any, search))
+    for tree.seen, before, search.left in zip(nodes, gaps[:-1], gaps[1:], strict=True):
+        own._judge(before)
+    assert own.slow == slow
