@@ -235,15 +235,6 @@ def _differ(one: Cliques, other: Cliques) -> bool:
     return one.members != other.members
 
 
-def _worth(progress: float) -> float:
-    """Weigh progress: mostly by the chance that the like of it closes a gap.
-
-    A closed gap saves the stronger relaxations.
-    """
-    chance = progress**HIERARCHY.seldom
-    return HIERARCHY.closed * chance + (1.0 - HIERARCHY.closed) * progress
-
-
 @dataclass(eq=False)
 class CostModel:
     """Measured seconds and progress of relaxations over one feasible set. Mutable.
@@ -256,23 +247,27 @@ class CostModel:
         Worth of the progress by name, between 0 and 1.
     pace : float
         Ratio of measured to estimated seconds.
-    learned : list of (str, float, float) or None
+    learned : list of (str, float, float, bool) or None
         What was recorded, for the same model in another process; None where none listens.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     progress: dict[str, float] = field(default_factory=dict)
     pace: float = 1.0
-    learned: list[tuple[str, float, float]] | None = None
+    learned: list[tuple[str, float, float, bool]] | None = None
 
-    def learn(self, name: str, progress: float, seconds: float) -> None:
+    def learn(self, name: str, progress: float, seconds: float, goes_on: bool = False) -> None:
         """Record progress and seconds of a relaxation; older records fade.
 
-        Less time than before counts at once, since what was analysed the first time is remembered.
+        A closed gap counts more than progress: it saves the stronger relaxations. Where the work
+        goes on from there, as that of a tree, progress counts in full. Less time than before counts
+        at once, since what was analysed the first time is remembered.
         """
         if self.learned is not None:
-            self.learned.append((name, progress, seconds))
-        for table, value in ((self.progress, _worth(progress)), (self.seconds, seconds)):
+            self.learned.append((name, progress, seconds, goes_on))
+        closed = progress if goes_on else float(progress >= 1.0)
+        worth = HIERARCHY.closed * closed + (1.0 - HIERARCHY.closed) * progress
+        for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
         self.seconds[name] = min(self.seconds[name], seconds)
 
@@ -293,7 +288,7 @@ class CostModel:
             Its expected seconds.
         """
         progress = max(0.0, (spec.share - share) / (1.0 - share + 1e-9))
-        worth = _worth(progress)
+        worth = HIERARCHY.closed * progress**HIERARCHY.seldom + (1.0 - HIERARCHY.closed) * progress
         if spec.name in self.progress:
             worth = 0.3 * worth + 0.7 * self.progress[spec.name]
         return worth / max(1e-3, seconds)

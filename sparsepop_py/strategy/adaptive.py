@@ -272,7 +272,7 @@ class AdaptiveSearch:
             self._leave_weak_tree()
         cost = self.context.deadline.now() - start
         share = 1.0 if self.over else progress(before, self._gap, self.context.allowed)
-        self.shared_state.cost_model.learn(name, share, cost)
+        self.shared_state.cost_model.learn(name, share, cost, goes_on=name == _BRANCH)
         if name == _BRANCH:
             self.rate = max(share, 1e-3) / max(cost, 1e-3)
         self.costs.append(cost)

@@ -90,7 +90,7 @@ class _News:
         Whether something would have taken too long.
     """
 
-    learned: tuple[list[tuple[str, float, float]], ...]
+    learned: tuple[list[tuple[str, float, float, bool]], ...]
     paces: tuple[float, ...]
     estimates: dict[str, float]
     seconds: dict[str, float]

@@ -49,14 +49,14 @@ def test_less_time_counts_at_once_and_more_time_slowly():
     assert 0.7 < seen.seconds["star"] < 1.7
 
 
-def test_one_near_miss_leaves_a_relaxation_likely_to_close_the_next_gap():
-    chances = []
-    for share in (0.0, 0.5, 0.9, 1.0):
+def test_progress_counts_in_full_where_the_work_goes_on():
+    """A tree that left a tenth of the way goes on from there; a relaxation does not."""
+    for share, worth in ((0.0, 0.0), (0.9, 0.9), (1.0, 1.0)):
         seen = CostModel()
+        seen.learn("branch", share, 1.0, goes_on=True)
         seen.learn("star", share, 1.0)
-        chances.append(seen.closes("star"))
-    assert chances[0] == 0.0 and chances[1] < 0.2
-    assert chances[2] > 0.5 and chances[3] == pytest.approx(1.0)
+        assert seen.progress["branch"] == pytest.approx(worth)
+        assert seen.progress["star"] == pytest.approx(1.0 if share == 1.0 else 0.1 * share)
 
 
 @pytest.mark.parametrize(("variables", "expected"), [(50, True), (500, False)])

@@ -183,8 +183,8 @@ def test_cost_models_record_only_for_another_process(monkeypatch):
     models = []
     learn = CostModel.learn
 
-    def watched(self, *record):
-        learn(self, *record)
+    def watched(self, *record, **more):
+        learn(self, *record, **more)
         models.append((self.learned is None, self.seconds[record[0]]))
 
     monkeypatch.setattr(CostModel, "learn", watched)
