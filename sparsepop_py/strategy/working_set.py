@@ -81,8 +81,6 @@ class WorkingSetSearch:
         Nodes of the tree on the set when its gain was judged last; 0 before.
     left : float
         The gap that it left by then, in gaps that count as closed.
-    slow : bool
-        Whether it had gained little since it was judged before.
     """
 
     whole: AdaptiveSearch
@@ -91,7 +89,6 @@ class WorkingSetSearch:
     spent: float = 0.0
     judged: int = 0
     left: float = np.inf
-    slow: bool = False
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
@@ -115,9 +112,9 @@ class WorkingSetSearch:
         left = self.search.left
         self.search.run(1)
         self._take()
-        self._judge(left)
+        slow = self._slow(left)
         if not self.whole.over:
-            self._grow()
+            self._grow(slow)
         self.spent += self.whole.context.deadline.now() - start
         return True
 
@@ -185,7 +182,7 @@ class WorkingSetSearch:
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
         self.rows, self.search = rows, None
-        self.judged, self.slow = 0, False
+        self.judged = 0
         self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
         return True
 
@@ -195,19 +192,20 @@ class WorkingSetSearch:
         tree = None if self.search is None else self.search.search
         return 0 if tree is None else tree.seen
 
-    def _judge(self, left: float) -> None:
-        """Check how much a tree gains; ``left`` is the gap before the step.
+    def _slow(self, left: float) -> bool:
+        """Check whether a tree gained little; ``left`` is the gap before the step.
 
-        The bound of a node moves with the second of its children.
+        The bound of a node moves with the second of its children: two nodes are judged at a time.
         """
         assert self.search is not None
         new = self._nodes - self.judged
-        if new > 1 or (new == 1 and not self.judged):
-            before = self.left if self.judged else left
-            self.left, self.judged = self.search.left, self._nodes
-            self.slow = self.left > STRATEGY.worth_turn * before
+        if new < 1 or (new == 1 and self.judged):
+            return False
+        before = self.left if self.judged else left
+        self.left, self.judged = self.search.left, self._nodes
+        return self.left > STRATEGY.worth_turn * before
 
-    def _grow(self) -> None:
+    def _grow(self, slow: bool) -> None:
         """Add constraints that the last point, or the minimiser near it, contradicts.
 
         The point of a loose relaxation contradicts many that are not needed: it counts where the
@@ -222,7 +220,7 @@ class WorkingSetSearch:
             if self.search.left < STRATEGY.tight:
                 self._joined(x)
             self._complete(x)
-        if self.slow and self.search is not None and not self.whole.over:
+        if slow and self.search is not None and not self.whole.over:
             assert self.rows is not None
             self.done = not self._set(self._near(self._near(self.rows)))
 

@@ -168,11 +168,13 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
     monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
     monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)  # the set stays too small
     names = {}
-    for share, seconds in ((0.0, 60.0), (np.inf, 2.0)):
+    counted = replace(WIDTH, time_limit=None, work_limit=2.0)  # this set closes nothing
+    for share, options in ((0.0, WIDTH), (np.inf, counted)):
         chosen = settings.StrategySettings(long_star=0.0, whole_star=share)
         monkeypatch.setattr(working_set, "STRATEGY", chosen)
-        results = both_ends(problem_of(*record()), replace(WIDTH, time_limit=seconds))
-        assert share or all(result.status is Status.OPTIMAL for result in results)
+        results = both_ends(problem_of(*record()), options)
+        if share == 0.0:
+            assert all(result.status is Status.OPTIMAL for result in results)
         names[share] = [[entry.name for entry in result.history] for result in results]
     longer = [each for each in names[0.0] if len(each) > 1]
     assert longer and not any(each[1].endswith("constraints") for each in longer)
@@ -192,9 +194,71 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
     ],
 )
 def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, gaps, slow):
-    tree = SimpleNamespace(seen=0)
-    search = SimpleNamespace(search=tree, left=gaps[0])
-    own = WorkingSetSearch(cast(Any, None), CostModel(), search=cast(Any, search))
-    for tree.seen, before, search.left in zip(nodes, gaps[:-1], gaps[1:], strict=True):
-        own._judge(before)
-    assert own.slow == slow
+    own = with_tree(0, gaps[0])
+    for own.search.search.seen, before, own.search.left in zip(
+        nodes, gaps[:-1], gaps[1:], strict=True
+    ):
+        found = own._slow(before)
+    assert found == slow
+
+
+def with_tree(nodes, left, whole=None):
+    """A search on a working set whose tree has nodes and leaves a gap."""
+    search = SimpleNamespace(search=SimpleNamespace(seen=nodes), left=left, point=np.zeros(1))
+    return WorkingSetSearch(cast(Any, whole), CostModel(), search=cast(Any, search))
+
+
+def test_a_tree_on_a_set_is_not_interrupted():
+    star = SimpleNamespace(shape="star")
+    whole = SimpleNamespace(queue=SimpleNamespace(specs=[star], seconds=lambda spec: 1.0))
+    for nodes, interrupted in ((0, True), (1, False)):
+        own = with_tree(nodes, 50.0, whole)
+        own.spent = 1.1 * settings.STRATEGY.whole_star
+        assert own._whole_first() == interrupted
+
+
+@pytest.mark.parametrize("left", [0.9 * settings.STRATEGY.tight, 1.1 * settings.STRATEGY.tight])
+@pytest.mark.parametrize("slow", [False, True])
+def test_points_of_loose_relaxations_add_nothing_and_slow_trees_all_neighbours(
+    left, slow, monkeypatch
+):
+    context = SimpleNamespace(best=SimpleNamespace(x=np.zeros(1)))
+    own = with_tree(3, left, SimpleNamespace(context=context, over=False))
+    own.small = cast(Any, SimpleNamespace(point=lambda point, x: point))
+    own.rows, asked = np.array([4]), []
+    monkeypatch.setattr(own, "_joined", lambda x: asked.append("relaxation's point"))
+    monkeypatch.setattr(own, "_complete", lambda x: asked.append("minimiser"))
+    monkeypatch.setattr(own, "_near", lambda rows: np.arange(rows[0] - 1, rows[-1] + 2))
+    monkeypatch.setattr(own, "_set", lambda rows: asked.append(rows.tolist()) is None)
+    own._grow(slow)
+    tight = ["relaxation's point"] if left < settings.STRATEGY.tight else []
+    assert asked == [*tight, "minimiser", *([[2, 3, 4, 5, 6]] if slow else [])]
+    assert not own.done
+
+
+def test_the_tree_of_another_set_is_judged_from_its_first_node(monkeypatch):
+    problem = problem_of(*record())
+    own = with_tree(0, 50.0, SimpleNamespace(context=SimpleNamespace(problem=problem)))
+    monkeypatch.setattr(WorkingSetSearch, "_held", np.array([0, 1]))
+    own.judged = 9
+    assert own._set(np.arange(5, 15))
+    own.search = with_tree(1, 40.0).search
+    assert own._slow(50.0)
+
+
+def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypatch):
+    learned, learn = {}, CostModel.learn
+
+    def watched(self, name, progress, seconds, goes_on=False):
+        learned.setdefault(name, set()).add(goes_on)
+        learn(self, name, progress, seconds, goes_on)
+
+    monkeypatch.setattr(CostModel, "learn", watched)
+    monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
+    monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)
+    results = both_ends(problem_of(*record()), replace(WIDTH, time_limit=None, work_limit=2.0))
+    assert learned.pop("branch") == {True}
+    assert set.union(*learned.values()) == {False}
+    names = [entry.name for result in results for entry in result.history]
+    assert sizes(results)
+    assert not any(n.startswith("tighten") and n.endswith("constraints") for n in names)
