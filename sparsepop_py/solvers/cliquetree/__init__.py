@@ -56,7 +56,9 @@ from sparsepop_py.solvers.interface import SolverSettings
 __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "clique_tree", "run"]
 __all__ += ["second_order_multipliers", "solve", "with_second_order"]
 
-_KEPT = 4  # patterns whose analysis is kept
+# The analysis of this many patterns is kept, and of more up to a number of entries of A: objectives
+# that take turns come back to theirs. An entry takes about 300 bytes.
+_KEPT, _ENTRIES = 4, 400_000
 # Seconds of solves by numpy from which on compiled kernels pay. What is loaded already does not
 _PRICE = 0.3  # count: the same program is solved by the same kernels, whatever was solved before
 _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
@@ -65,7 +67,7 @@ _ROWS = 0.1  # part of the accuracy that rows may miss
 _ROUGH = 1e-3
 _LOOSE = 1e-4  # gap and residual at which the point of a rough solve that stalls is still used
 _HEIGHT = 5.0  # multiple of the usual height of the start of such a solve
-_analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
+_analysed: OrderedDict[tuple[bytes, bool], tuple[Symbolic, int]] = OrderedDict()  # and entries
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,8 +256,10 @@ def _compiled(program: ConicProgram, settings: Settings, time_limit: float | Non
 
 
 def _remembered(program: ConicProgram, key: bytes, compiled: bool) -> Symbolic:
-    symbolic = _analysed.pop((key, compiled), None) or analyse(program, compiled)
-    _analysed[key, compiled] = symbolic
-    while len(_analysed) > _KEPT:
-        _analysed.popitem(last=False)
+    known = _analysed.pop((key, compiled), None)
+    symbolic = analyse(program, compiled) if known is None else known[0]
+    _analysed[key, compiled] = symbolic, program.A.nnz
+    entries = sum(count for _, count in _analysed.values())
+    while len(_analysed) > _KEPT and entries > _ENTRIES:
+        entries -= _analysed.popitem(last=False)[1][1]
     return symbolic

@@ -16,8 +16,10 @@ Trans. Math. Softw. 11, 1985.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from heapq import heappop, heappush
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +149,7 @@ class _Quotient:
             for number in numbers:
                 (self.shared if node in crowded else self.element)[number].add(node)
         self.size = {e: sum(weight[v] for v in vs) for e, vs in self.element.items()}
-        self.merged: dict[int, list[int]] = {}
+        self.joined = [[node] for node in range(len(holder))]
         self.crowded = crowded
         self.fresh = elements
         self.alive = set(range(len(holder))) - crowded
@@ -172,7 +174,7 @@ class _Quotient:
                 if node not in self.alive or degree != self.degree[node] or node in touched:
                     continue
                 pivots, reach, shared = self._leave(node)
-                beyond = sorted(reach) + sorted(shared)
+                beyond = chain(sorted(reach), sorted(shared))
                 order.append((self._members(pivots), self._members(beyond)))
                 touched |= reach
             for node in touched & self.alive:
@@ -184,31 +186,38 @@ class _Quotient:
     def _leave(self, node: int) -> tuple[list[int], set[int], set[int]]:
         """Eliminate a node and all that now touch nothing but the clique it leaves."""
         gone = set(self.holder[node])
-        reach: set[int] = set().union(*(self.element[e] for e in gone))
+        reach: set[int] = set().union(*map(self.element.__getitem__, gone))
         reach.discard(node)
-        gone |= self._contained(reach, gone)
-        shared: set[int] = set().union(*(self.shared.pop(e) for e in gone))
+        for other in reach:
+            self.holder[other] -= gone
+        outside = self._outside(reach)
+        within = [e for e, weight in outside.items() if weight == 0 and e < self.fresh]
+        for number in within:  # absorbed, but for those made in this round
+            for other in self.element[number]:
+                self.holder[other].discard(number)
+        gone.update(within)
+        shared: set[int] = set().union(*map(self.shared.pop, gone))
         for number in gone:
             del self.element[number]
-        pivots = [node]
-        for other in sorted(reach):
-            self.holder[other] -= gone
-            if not self.holder[other]:
-                pivots.append(other)
+        pivots = [node, *sorted(other for other in reach if not self.holder[other])]
         reach.difference_update(pivots)
         self.alive.difference_update(pivots)
         if reach:
             reach = self._merge_alike(reach)
-            self._join(reach, shared)
+            self._join(reach, shared, outside)
         return pivots, reach, shared
 
-    def _contained(self, reach: set[int], gone: set[int]) -> set[int]:
-        """Further elements within ``reach``, but for those made in this round."""
-        left: dict[int, int] = {}
-        for other in reach:
-            for number in self.holder[other]:
-                left[number] = left.get(number, len(self.element[number])) - 1
-        return {e for e, k in left.items() if k == 0 and e not in gone and e < self.fresh}
+    def _outside(self, reach: set[int]) -> dict[int, int]:
+        """Weight that each element which meets ``reach`` has beyond it."""
+        outside: dict[int, int] = {}
+        for node in reach:
+            weight = self.weight[node]
+            for number in self.holder[node]:
+                if number in outside:
+                    outside[number] -= weight
+                else:
+                    outside[number] = self.size[number] - weight
+        return outside
 
     def _merge_alike(self, reach: set[int]) -> set[int]:
         """Join nodes that became indistinguishable; what remains of ``reach``."""
@@ -218,7 +227,7 @@ class _Quotient:
             chosen = first.setdefault(frozenset(self.holder[node]), node)
             if chosen == node:
                 continue
-            self.merged.setdefault(chosen, []).append(node)
+            self.joined[chosen] += self.joined[node]
             self.weight[chosen] += self.weight[node]
             self.alive.discard(node)
             kept.discard(node)
@@ -226,31 +235,20 @@ class _Quotient:
                 self.element[number].discard(node)
         return kept
 
-    def _join(self, reach: set[int], shared: set[int]) -> None:
+    def _join(self, reach: set[int], shared: set[int], outside: dict[int, int]) -> None:
         """Make a new element and bound the degrees of its nodes."""
         number = len(self.size)
-        total = sum(self.weight[v] for v in reach)
-        outside: dict[int, int] = {}
+        total = sum(map(self.weight.__getitem__, reach))
         for node in reach:
-            for e in self.holder[node]:
-                outside[e] = outside.get(e, self.size[e]) - self.weight[node]
-        for node in reach:
-            self.degree[node] = (
-                total - self.weight[node] + sum(outside[e] for e in self.holder[node])
-            )
+            beyond = sum(map(outside.__getitem__, self.holder[node]))
+            self.degree[node] = total - self.weight[node] + beyond
         self.element[number], self.shared[number], self.size[number] = set(reach), shared, total
         for node in reach:
             self.holder[node].add(number)
 
-    def _members(self, nodes: list[int]) -> list[int]:
+    def _members(self, nodes: Iterable[int]) -> list[int]:
         """Nodes together with all that were joined to them."""
-        found: list[int] = []
-        stack = list(reversed(nodes))
-        while stack:
-            node = stack.pop()
-            found.append(node)
-            stack += reversed(self.merged.get(node, []))
-        return found
+        return list(chain.from_iterable(map(self.joined.__getitem__, nodes)))
 
 
 def amalgamate(fronts: list[Front], columns: int) -> list[Front]:
