@@ -24,7 +24,8 @@ class BranchSettings:
     obbt_rounds : int
         Rounds of OBBT by a semidefinite relaxation on one node.
     again : float
-        Share of the widths: another round of OBBT follows where one left less.
+        Share of the volume: another round of OBBT follows where one left less, as halving it by
+        branching takes two nodes.
     error_share : float
         OBBT aims at widths with which the bound errs by this share of what would fathom the node.
     middle : float
@@ -42,7 +43,7 @@ class BranchSettings:
     sweeps: int = 6
     node_work: float = 5e-3
     obbt_rounds: int = 6
-    again: float = 0.7
+    again: float = 0.5
     error_share: float = 0.5
     middle: float = 0.4
     prior_left: float = 0.8

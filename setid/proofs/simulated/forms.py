@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 __all__ = ["Form", "Region", "constant", "filtered", "late", "plus", "times"]
 
@@ -137,19 +138,25 @@ def filtered(
     bounded : bool
         False leaves out the rest, and with it the proof.
     """
-    samples = drive.value.size
-    table = np.concatenate([drive.value[:, None], drive.slope], axis=1)
-    begin = 0 if start is None else start.value.size
+    samples, begin = drive.value.size, 0
+    value, slope = drive.value.copy(), drive.slope.copy()
+    denominator = np.zeros(1 + max((lag for lag, _ in poles), default=0))
+    denominator[0] = 1.0
+    for lag, a in poles:
+        denominator[lag] += float(a.value)
+    if start is not None:  # the drive that leads to these samples
+        begin = start.value.size
+        value[:begin] = lfilter(denominator, [1.0], start.value)
+        slope[:begin] = lfilter(denominator, [1.0], start.slope, axis=0)
+    value = lfilter([1.0], denominator, value)
+    for lag, a in poles:
+        k = max(begin, lag)
+        slope[k:] -= a.slope * value[k - lag : samples - lag, None]
+    slope = lfilter([1.0], denominator, slope, axis=0)
+    found = Form(value, slope, np.zeros(samples))
     if start is not None:
-        table[:begin] = np.concatenate([start.value[:, None], start.slope], axis=1)
-    for k in range(begin, samples):
-        for lag, a in poles:
-            if k >= lag:
-                table[k] -= a.value * table[k - lag]
-                table[k, 1:] -= a.slope * table[k - lag, 0]
-    found = Form(table[:, 0].copy(), table[:, 1:].copy(), np.zeros(samples))
-    if start is not None:
-        found.rest[:begin] = start.rest
+        for part, first in zip(found, start, strict=True):
+            part[:begin] = first
     if not bounded:
         return found
     left = plus(found, _negative(drive), region)

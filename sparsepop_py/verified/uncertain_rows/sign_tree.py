@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, variables
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import frozen
 from sparsepop_py.verified.certificate.linear_bound import LinearBound
@@ -282,13 +283,21 @@ def _up(values: Reals) -> Reals:
 
 
 def _constraints(matrix: Reals, room: Reals, p: int) -> list[Constraint]:
-    """Rows matrix theta + room >= 0."""
+    """Rows matrix theta + room >= 0.
+
+    Raises
+    ------
+    ProblemError
+        If a number is not finite.
+    """
     words = frozen(np.arange(p + 1, dtype=np.int32)[:, None])
     table = np.column_stack([room, matrix])
     table[:, 0] = np.where(table.any(axis=1), table[:, 0], 1.0)  # 0 >= 0 becomes 1 >= 0
-    table = frozen(table)
+    if not np.all(np.isfinite(table)):
+        raise ProblemError("rows on a box: found numbers beyond the largest double")
     found = []
-    for row, kept in zip(table, table != 0.0, strict=True):
-        letters, values = (words, row) if kept.all() else (frozen(words[kept]), frozen(row[kept]))
-        found.append(Constraint(Polynomial(letters, values, p), Kind.NONNEGATIVE))
+    for row, kept in zip(frozen(table), table != 0.0, strict=True):
+        letters, values = (words, row) if kept.all() else (words[kept], row[kept])
+        made = Polynomial._of_sorted(letters, values, p)  # distinct, in order, none zero
+        found.append(Constraint(made, Kind.NONNEGATIVE))
     return found
