@@ -9,6 +9,7 @@ certificate from the whole problem, and propagation over more constraints gives 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -110,6 +111,23 @@ class Subproblem:
         found[self.variables] = x
         return found
 
+    def within(self, larger: Subproblem) -> Subproblem:
+        """State this problem as one of a larger problem of the same whole.
+
+        Parameters
+        ----------
+        larger : Subproblem
+            It has all constraints and variables of this one.
+
+        Returns
+        -------
+        Subproblem
+            Its whole is the problem of the larger one.
+        """
+        rows = np.searchsorted(larger.rows, self.rows)
+        variables = np.searchsorted(larger.variables, self.variables)
+        return Subproblem(larger.problem, rows, variables, self.problem)
+
     # ---- certificates -------------------------------------------------------------------------
 
     def restated(
@@ -142,12 +160,26 @@ class Subproblem:
             certificate, fingerprint=self.whole.fingerprint, root=root, problem=self.whole
         )
 
+    def restated_steps(self, steps: Iterable[Step], box: Interval) -> tuple[Step, ...]:
+        """Restate steps for the whole problem; those that need another box are left out.
+
+        Parameters
+        ----------
+        steps : iterable of Step
+        box : Interval
+            The box of the whole problem.
+        """
+        return self._steps(steps, Scaling.of_box(box))
+
     def _node(self, node: Node, children: tuple[Node, ...], outside: Scaling) -> Node:
-        steps = (self._step(step, outside) for step in node.box.steps)
         branch = node.branch and (int(self.variables[node.branch[0]]), node.branch[1])
         argument = self._argument(node.argument, outside, 0)
-        proof = BoxProof(tuple(step for step in steps if step is not None))
+        proof = BoxProof(self._steps(node.box.steps, outside))
         return Node(proof, argument, node.empty, branch, children)
+
+    def _steps(self, steps: Iterable[Step], outside: Scaling) -> tuple[Step, ...]:
+        restated = (self._step(step, outside) for step in steps)
+        return tuple(step for step in restated if step is not None)
 
     def _step(self, step: Step, outside: Scaling) -> Step | None:
         """Restate a step; None, which proves nothing, for kinds that need another box."""

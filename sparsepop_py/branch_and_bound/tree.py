@@ -140,6 +140,11 @@ class Search:
         return least if self.tree_cutoff is None else min(least, self.tree_cutoff)
 
     @property
+    def root_steps(self) -> tuple[Step, ...]:
+        """Steps that tightened the box of the root, none before it was processed."""
+        return self._root.steps
+
+    @property
     def done(self) -> bool:
         """True if no open node is left below the cutoff."""
         return not self._heap or (

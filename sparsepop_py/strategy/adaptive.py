@@ -212,6 +212,26 @@ class AdaptiveSearch:
             self.tried = []
         self._shrink()
 
+    @property
+    def steps_below(self) -> tuple[Step, ...]:
+        """Steps that tightened the own box below the cutoff, with those of the tree's root."""
+        own = self.model.proof.steps[len(self.shared_model.proof.steps) :]
+        return own if self.search is None else (*own, *self.search.root_steps)
+
+    def adopt(self, steps: tuple[Step, ...]) -> None:
+        """Tighten the own box by steps that other searches below the cutoff have found.
+
+        Parameters
+        ----------
+        steps : tuple of Step
+            About this problem. What they prove is recomputed.
+        """
+        self.context = replace(self.context, below=True)
+        with self.context.stages.stage("presolve"):
+            box = apply_steps(self.context.at_cutoff(), steps, self.model.box)
+        if shrinks(self.model.box, box):
+            self._take(box, *steps)
+
     # ---- choice of the next step --------------------------------------------------------------
 
     def _next(self) -> RelaxationSpec | str | None:

@@ -38,7 +38,7 @@ from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.certificate.steps import BoxProof
+from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["WorkingSetSearch", "suits"]
@@ -81,6 +81,10 @@ class WorkingSetSearch:
         Nodes of the tree on the set when its gain was judged last; 0 before.
     left : float
         The gap that it left by then, in gaps that count as closed.
+    before : (Subproblem, tuple of Step) or None
+        A smaller set, and the steps that tightened the box there: the next search begins with them.
+    given : Tightening or None
+        The last of the steps that the whole search was given.
     """
 
     whole: AdaptiveSearch
@@ -93,6 +97,8 @@ class WorkingSetSearch:
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
     base: Model | None = None
+    before: tuple[Subproblem, tuple[Step, ...]] | None = None
+    given: Tightening | None = None
 
     def step(self) -> bool:
         """Take one step on the working set for the whole search.
@@ -103,10 +109,12 @@ class WorkingSetSearch:
             False where no step was taken, as the whole search has to go on.
         """
         if self._whole_first():
+            self._hand_over()
             return False
         start = self.whole.context.deadline.now()
         if self.done or not self._ready():
             self.done = True
+            self._hand_over()
             return False
         assert self.search is not None
         left = self.search.left
@@ -128,6 +136,19 @@ class WorkingSetSearch:
         queue = self.whole.queue
         stars = (queue.seconds(spec) for spec in queue.specs if spec.shape == "star")
         return self.spent > STRATEGY.whole_star * next(stars, np.inf)
+
+    def _hand_over(self) -> None:
+        """Let the whole search have the box that a tree on the set has tightened, once."""
+        found = self.before
+        if self.small is not None and self.search is not None:
+            found = self.small, self.search.steps_below
+        if found is None:
+            return
+        small, steps = found
+        tightenings = [step for step in steps if isinstance(step, Tightening)]
+        if tightenings and tightenings[-1] is not self.given:
+            self.given = tightenings[-1]
+            self.whole.adopt(small.restated_steps(steps, self.whole.model.box))
 
     # ---- the set ------------------------------------------------------------------------------
 
@@ -181,6 +202,8 @@ class WorkingSetSearch:
         total = len(self.whole.context.problem.constraints)
         if not 0 < rows.size <= STRATEGY.most_working * total:
             return False
+        if self.search is not None and self.small is not None:
+            self.before = self.small, self.search.steps_below
         self.rows, self.search = rows, None
         self.judged = 0
         self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
@@ -281,6 +304,7 @@ class WorkingSetSearch:
             cost_model=self.costs,
             estimates={},
             active=None,
+            specs=tuple(spec for spec in shared.specs if spec.shape != "split"),
             obbt_lp=False,  # costs more than a relaxation here, and gains little
         )
         own: SolveContext = replace(
@@ -288,6 +312,10 @@ class WorkingSetSearch:
         )
         longest = STRATEGY.working_slice
         self.search = AdaptiveSearch(own, self._model(), [], state, longest_slice=longest)
+        if self.before is not None:
+            fewer, steps = self.before
+            box, self.before = self.search.model.box, None
+            self.search.adopt(fewer.within(small).restated_steps(steps, box))
 
     def _restart(self) -> None:
         assert self.search is not None
