@@ -229,9 +229,9 @@ def _obbt_sdp(
         weights = {v: float(error[v]) + 1e-6 for v in settings.variables}
         points = () if found.point is None else (found.point,)
         enough = _enough(context, cutoff, found.proved.bound)
-        how, start = (spec, settings.cliques), found.box
+        how = (spec, settings.cliques)
         made = tighten_by_relaxation(
-            context, replay, start, how, weights, enough, points, settings.slack
+            context, replay, found.box, how, weights, enough, points, settings.slack
         )
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
@@ -241,8 +241,7 @@ def _obbt_sdp(
         alone = prove(replay, found.box, None, False)  # +inf where the box is empty
         if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
-        open_ = np.count_nonzero(start.width()[list(weights)] > 0.0)
-        if _done(found, cutoff) or made.left**open_ > BRANCHING.again:
+        if _done(found, cutoff) or made.left > BRANCHING.again:
             break
     return found
 

@@ -24,8 +24,7 @@ class BranchSettings:
     obbt_rounds : int
         Rounds of OBBT by a semidefinite relaxation on one node.
     again : float
-        Share of the volume: another round of OBBT follows where one left less, as halving it by
-        branching takes two nodes.
+        Share of the widths: another round of OBBT follows where one left less.
     error_share : float
         OBBT aims at widths with which the bound errs by this share of what would fathom the node.
     middle : float
@@ -43,7 +42,7 @@ class BranchSettings:
     sweeps: int = 6
     node_work: float = 5e-3
     obbt_rounds: int = 6
-    again: float = 0.5
+    again: float = 0.8
     error_share: float = 0.5
     middle: float = 0.4
     prior_left: float = 0.8

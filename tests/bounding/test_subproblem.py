@@ -103,3 +103,21 @@ def test_a_false_claim_is_not_made_true():
     raised = replace(found, bound=found.bound + 0.01, cutoff=None)
     again = small.restated(raised, (), Interval(whole.lower, whole.upper))
     assert not again.verify(whole).ok
+
+
+def test_steps_of_a_smaller_set_are_restated_for_a_larger_one():
+    """What a set proves of the box, the set with more constraints and the whole prove, too."""
+    whole = chain()
+    small = Subproblem.of(whole, np.array([2, 3, 4, 5]), np.array([0, 1]))
+    larger = Subproblem.of(whole, np.array([1, 2, 3, 4, 5, 7]), np.array([0, 1]))
+    box = Interval(whole.lower, whole.upper)
+    found = sp.solve(small.problem, SKIPS["star"])
+    root, replay = found.certificate.root, Replay(small.problem, found.certificate.cutoff)
+    value = prove(replay, root.box.replay(replay), root.argument, False).bound
+    step = Tightening(np.array([0]), np.array([1]), np.array([value]), root.argument, False)
+    assert value > 0.4
+    inner = small.within(larger)
+    assert inner.whole is larger.problem and inner.problem is small.problem
+    for problem, way, start in ((larger.problem, inner, larger.box(box)), (whole, small, box)):
+        steps = BoxProof(way.restated_steps((*root.box.steps, step), start))
+        assert steps.replay(Replay(problem, found.certificate.cutoff), start).lo[0] >= value

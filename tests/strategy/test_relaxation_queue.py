@@ -144,6 +144,31 @@ def test_a_relaxation_returns_where_the_box_shrank_by_what_its_gap_lacks(left, s
     assert (auto.tried == []) == again
 
 
+@pytest.mark.parametrize(
+    ("plain", "tightened", "first"),
+    [
+        (None, None, "star"),
+        (0.0, None, "tightened star"),
+        (0.0, 0.0, "star"),
+        (0.0, 1.0, "tightened star"),
+    ],
+)
+def test_a_box_is_tightened_first_where_that_closes_gaps(plain, tightened, first):
+    """Linear programs take as long as the star; neither closes a gap: the star alone is enough."""
+    problem, options = bilinear(), Options(effort="auto")
+    context = SolveContext(problem, options, Stages(False), Deadline(None))
+    state = SharedState.of(problem, (problem.objective,), options)
+    shared = Model(*find_box(problem, None, options))
+    queue = AdaptiveSearch(context, shared, [], state).queue
+    star, costs = next(spec for spec in state.specs if spec.shape == "star"), state.cost_model
+    costs.learn(relaxation_queue.TIGHTENING, 0.0, 1.0)
+    costs.seconds[star.name] = 1.0
+    for name, share in ((star.name, plain), (star.tightened.name, tightened)):
+        for _ in range(9 if share is not None else 0):
+            costs.learn(name, share, 1.0)
+    assert queue._prepared(star).name == first
+
+
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():
     problem = bilinear()
     replay, box = Replay(problem, None), Interval(problem.lower, problem.upper)

@@ -13,10 +13,19 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
+from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search import slp
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import settings, working_set
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.strategy.working_set import WorkingSetSearch
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.steps import BoxProof, Tightening
 
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60.0)
 SAMPLES, NOISE, TRUTH = 81, 0.05, (0.6, 1.0)
@@ -262,3 +271,43 @@ def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypat
     names = [entry.name for result in results for entry in result.history]
     assert sizes(results)
     assert not any(n.startswith("tighten") and n.endswith("constraints") for n in names)
+
+
+def tightened_set():
+    """A search on a small set, whose tree has tightened the box of its root."""
+    problem = problem_of(*record())
+    shared = SharedState.of(problem, (problem.objective,), WIDTH)
+    context = SolveContext(problem, WIDTH, Stages(), Deadline(None))
+    box = Interval(problem.lower, problem.upper)
+    whole = AdaptiveSearch(context, Model(BoxProof(), box), [], shared)
+    whole.search_more_starts()
+    whole._search_incumbent([np.r_[TRUTH, np.zeros(SAMPLES)]])
+    own = WorkingSetSearch(whole, CostModel())
+    assert whole.context.best is not None and own._set(np.arange(10, 50))
+    own._begin()
+    assert own.search is not None
+    own.search._run("branch")
+    return own
+
+
+def test_the_next_set_and_the_whole_begin_with_the_box_of_the_tree():
+    """The cutoff and two constraints more: what the tree proved holds there."""
+    own = tightened_set()
+    tree = own.search.search
+    assert any(isinstance(step, Tightening) for step in tree.root_steps)
+    width = tree._root.box.width()[0]
+    assert width < own.whole.model.box.width()[0]
+    own._hand_over()
+    given = own.given
+    assert isinstance(given, Tightening)
+    assert own.whole.model.box.width()[0] <= width * (1 + 1e-9)
+    own._hand_over()  # once
+    assert own.given is given
+    assert own._set(np.arange(8, 55))
+    own._begin()
+    assert own.search.model.box.width()[0] <= width * (1 + 1e-9)
+    assert own.before is None
+    for search in (own.search, own.whole):
+        replay = search.context.at_cutoff()
+        again, box = search.model.proof.replay(replay), search.model.box
+        assert np.all(again.lo >= box.lo - 1e-12) and np.all(again.hi <= box.hi + 1e-12)

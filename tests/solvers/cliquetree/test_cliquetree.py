@@ -1,5 +1,6 @@
 """The clique-tree interior-point method: values, identities, statuses, reuse."""
 
+from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
@@ -273,6 +274,30 @@ def test_another_pattern_is_refused():
     symbolic = cliquetree.analyse(program(tree_problem(0), 2))
     with pytest.raises(ValueError, match="another pattern"):
         cliquetree.solve(program(tree_problem(0), 3), symbolic)
+
+
+def test_patterns_are_kept_up_to_a_number_of_entries(monkeypatch):
+    """Objectives that take turns come back to theirs; four are kept whatever their size."""
+    patterns, seen, analyse = [tree_problem(0, n) for n in range(5, 11)], [], cliquetree.analyse
+    programs = [program(problem, 2) for problem in patterns]
+
+    def watched(program, compiled=False):
+        seen.append(program.q.size)
+        return analyse(program, compiled)
+
+    monkeypatch.setattr(cliquetree, "analyse", watched)
+    sizes = [p.A.nnz for p in programs]
+    for entries, again in ((sum(sizes), []), (sum(sizes) - 1, [0]), (0, [0, 1])):
+        monkeypatch.setattr(cliquetree, "_analysed", OrderedDict())
+        monkeypatch.setattr(cliquetree, "_ENTRIES", entries)
+        for p in programs:
+            cliquetree.solve(p)
+        assert seen == [p.q.size for p in programs]
+        seen.clear()
+        for p in programs[2:] + [programs[k] for k in again]:  # the newest first: kept in any case
+            cliquetree.solve(p)
+        assert seen == [programs[k].q.size for k in again]
+        seen.clear()
 
 
 def test_runs_are_repeatable():

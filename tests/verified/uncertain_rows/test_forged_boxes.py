@@ -196,6 +196,23 @@ def test_linear_rows_hold_wherever_the_rows_do(kind, seed):
     assert checked > 100
 
 
+def test_linear_rows_are_polynomials_as_others():
+    """Terms that vanish are left out, and numbers beyond the doubles are refused."""
+    regressors = np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 4.0]])
+    rows = UncertainRows(("a", "b"), [0.0, -1.0, 0.0], regressors, [0, 0.5, 0.25], 0 * regressors)
+    made = linear_rows(rows, (np.full(2, -1.0), np.full(2, 1.0)))
+    for row in made.constraints:
+        p = row.polynomial
+        again = sp.Polynomial.from_words(p.words, p.coefficients, 2)
+        assert np.array_equal(again.words, p.words)
+        assert np.array_equal(again.coefficients, p.coefficients)
+        assert not p.words.flags.writeable and not p.coefficients.flags.writeable
+    huge = UncertainRows(("a",), [1.7e308], [[1.0]], [1.7e308], [[0.0]])
+    error = pytest.raises(sp.ProblemError, match="beyond the largest double")
+    with np.errstate(over="ignore"), error:
+        linear_rows(huge, (np.full(1, -1.0), np.full(1, 1.0)))
+
+
 def test_signs_that_are_known_leave_an_equality():
     """|2 m - 4| <= 1/2 + |m| / 4: for m >= 0 exactly [14/9, 18/7], across zero no less."""
     rows = one_row(-4.0, 2.0, 0.5, 0.25)
