@@ -17,7 +17,6 @@ from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search import slp
-from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import settings, working_set
