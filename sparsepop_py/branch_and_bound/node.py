@@ -225,10 +225,12 @@ def _obbt_sdp(
         found = _semidefinite(context, settings, spec, replay, found)
         if _done(found, cutoff) or context.deadline.over:
             return found
+        enough = _enough(context, cutoff, found.proved.bound)
+        if enough > BRANCHING.nearly:  # its children are probably fathomed, at two solves
+            return found
         error = found.error if found.error is not None else np.zeros(found.box.lo.size)
         weights = {v: float(error[v]) + 1e-6 for v in settings.variables}
         points = () if found.point is None else (found.point,)
-        enough = _enough(context, cutoff, found.proved.bound)
         how = (spec, settings.cliques)
         made = tighten_by_relaxation(
             context, replay, found.box, how, weights, enough, points, settings.slack

@@ -27,6 +27,8 @@ class BranchSettings:
         Share of the widths: another round of OBBT follows where one left less.
     error_share : float
         OBBT aims at widths with which the bound errs by this share of what would fathom the node.
+    nearly : float
+        A node is branched and not tightened where larger shares of the widths would fathom it.
     middle : float
         Weight of the middle of the interval in the branching point.
     prior_left : float
@@ -44,6 +46,7 @@ class BranchSettings:
     obbt_rounds: int = 6
     again: float = 0.8
     error_share: float = 0.5
+    nearly: float = 0.2
     middle: float = 0.4
     prior_left: float = 0.8
     useless_lp: float = 0.93
@@ -132,6 +135,8 @@ class LinearTreeSettings:
     step, zero : float
         Branching point as a share of the upper end, where the other factor is a row; share of
         the first width below which such a variable counts as zero.
+    nearly : float
+        A node is branched and not tightened where larger shares of the widths would fathom it.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float
