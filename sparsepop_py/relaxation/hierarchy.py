@@ -46,6 +46,7 @@ __all__ = [
     "hashed",
     "progress",
     "relaxation_specs",
+    "worth_of",
 ]
 
 
@@ -265,8 +266,7 @@ class CostModel:
         """
         if self.learned is not None:
             self.learned.append((name, progress, seconds, goes_on))
-        closed = progress if goes_on else float(progress >= 1.0)
-        worth = HIERARCHY.closed * closed + (1.0 - HIERARCHY.closed) * progress
+        worth = progress if goes_on else worth_of(progress)
         for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
         self.seconds[name] = min(self.seconds[name], seconds)
@@ -453,6 +453,11 @@ def _seconds_by_fronts(sizes: dict[int, float], rows: float, cliques: Cliques, o
         own, known = (comb(len(v) + 2 * order, 2 * order) for v in (members, shared))
         step += 3e-11 * float(own) ** 2 * (own - known + 1)
     return HIERARCHY.iterations * step
+
+
+def worth_of(progress: float) -> float:
+    """Weigh progress by what follows: a closed gap counts more, it saves stronger relaxations."""
+    return HIERARCHY.closed * float(progress >= 1.0) + (1.0 - HIERARCHY.closed) * progress
 
 
 def progress(before: float, after: float, allowed: float) -> float:

@@ -32,7 +32,13 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.presolve.initial_box import rounding_slack, shrinks
-from sparsepop_py.relaxation.hierarchy import RelaxationSpec, expected_seconds, hashed, progress
+from sparsepop_py.relaxation.hierarchy import (
+    RelaxationSpec,
+    expected_seconds,
+    hashed,
+    progress,
+    worth_of,
+)
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.relaxation_queue import (
@@ -208,7 +214,9 @@ class AdaptiveSearch:
         # a gap shrinks at least as fast as the box: the same relaxation may close it now
         smaller = max(STRATEGY.smaller_box, 1.0 / max(self.left, 1.0))
         if self.search is None and self.tried and width.min(initial=1.0) < smaller:
-            self.queue.again(spec for spec, _, _ in self.tried)
+            kept = float(np.mean(width)) if width.size else 1.0
+            share = progress(self.left, self.left * kept, 1.0)
+            self.queue.again((spec for spec, _, _ in self.tried), worth_of(share))
             self.tried = []
         self._shrink()
 

@@ -44,6 +44,7 @@ class RelaxationQueue:
     scaled: Callable[[], Scaled]
     share: float = 0.0
     specs: list[RelaxationSpec] = field(init=False)
+    expected: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.specs = list(self.shared_state.specs)
@@ -71,6 +72,8 @@ class RelaxationQueue:
             if not np.isfinite(seconds) or self._too_long(spec, seconds, left):
                 continue
             rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
+            if spec.name in self.expected:
+                rate = min(rate, self.expected[spec.name] / max(1e-3, seconds))
             if rate > most:
                 best, most = spec, rate
         return best, most
@@ -143,9 +146,18 @@ class RelaxationQueue:
         self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
         self.share = spec.share
 
-    def again(self, specs: Iterable[RelaxationSpec]) -> None:
-        """Put relaxations back that may prove more on a smaller box."""
-        self.specs = [*specs, *self.specs]
+    def again(self, specs: Iterable[RelaxationSpec], worth: float = np.inf) -> None:
+        """Put relaxations back that may prove more on a smaller box.
+
+        Parameters
+        ----------
+        specs : iterable of RelaxationSpec
+        worth : float
+            Their worth is expected to be this at most, see :meth:`CostModel.learn`.
+        """
+        back = list(specs)
+        self.specs = [*back, *self.specs]
+        self.expected |= {spec.name: worth for spec in back}
         self.share = 0.0
 
     def seconds(self, spec: RelaxationSpec) -> float:

@@ -245,7 +245,11 @@ class WorkingSetSearch:
             self._complete(x)
         if slow and self.search is not None and not self.whole.over:
             assert self.rows is not None
-            self.done = not self._set(self._near(self._near(self.rows)))
+            rows = self._near(self._near(self.rows))
+            while self.rows.size < rows.size < 1.5 * self.rows.size:
+                rows, before = self._near(rows), rows
+                if rows.size == before.size: break
+            self.done = not self._set(rows)
 
     def _complete(self, x: NDArray[np.float64]) -> None:
         """Add constraints until local searches on the set find nothing below the target."""
