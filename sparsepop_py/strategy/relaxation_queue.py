@@ -206,18 +206,14 @@ class RelaxationQueue:
         return self.shared_state.obbt_lp and below and bool(self.shared_state.variables)
 
     def _prepared(self, spec: RelaxationSpec) -> RelaxationSpec:
-        """Choose the tightened form where it costs less than failing without is expected to.
-
-        It is expected to close the gap until it has been tried.
-        """
+        """Choose the tightened form where it costs less than failing without is expected to."""
         seen = self.shared_state.cost_model.seconds
         if not self._may_tighten(spec) or not {PROGRAM, TIGHTENING} & seen.keys():
             return spec
         alone = self.seconds(spec)
         both = self._tightening + alone
-        costs, name = self.shared_state.cost_model, spec.tightened.name
-        gains = (costs.closes(name) if name in costs.progress else 1.0) - costs.closes(spec.name)
-        return spec.tightened if both < alone + gains * both else spec
+        fails = 1.0 - self.shared_state.cost_model.closes(spec.name)
+        return spec.tightened if both < alone + fails * both else spec
 
 
 def relaxation_for_nodes(

@@ -92,7 +92,9 @@ class StrategySettings:
         and later of those that join it.
     tight : float
         Gap, in gaps that count as closed, from which down the point of a relaxation on a working
-        set tells which constraints are missing.
+        set tells which constraints are missing, and its turn goes on.
+    wider : float
+        Multiple of its size to which a working set grows where its tree gains little.
     working_rounds : int
         Local searches after which constraints are added to a working set, at most.
     working_slice : float
@@ -142,6 +144,7 @@ class StrategySettings:
     binding: float = 1e-3
     missing: float = 0.1
     tight: float = 10.0
+    wider: float = 1.5
     working_rounds: int = 8
     working_slice: float = 1.5
     long_star: float = 2.5

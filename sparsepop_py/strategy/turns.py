@@ -58,14 +58,20 @@ class Turn:
     most: int
 
     def take(self) -> None:
-        """Take steps until one leaves more than a share of the gap."""
+        """Take steps until one leaves more than a share of the gap.
+
+        On working sets a turn goes on where little is left: constraints that a point contradicts
+        have joined, and the next relaxation may close the gap.
+        """
         auto = self.auto
         auto.restart(self.model)
         for _ in range(self.most):
             gap = auto.context.upper - auto.bound
             if self.working_set is None or not self.working_set.step():
                 auto.run(1)
-            if auto.over or not auto.context.upper - auto.bound < STRATEGY.worth_turn * gap:
+            gained = auto.context.upper - auto.bound < STRATEGY.worth_turn * gap
+            near = self.working_set is not None and auto.left < STRATEGY.tight
+            if auto.over or not (gained or near):
                 break
 
 

@@ -33,7 +33,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.local_search.slp import conflict_prices, row_prices, sequential_search
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.hierarchy import CostModel, Families
+from sparsepop_py.relaxation.hierarchy import CostModel, Families, RelaxationSpec
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
@@ -232,7 +232,7 @@ class WorkingSetSearch:
         """Add constraints that the last point, or the minimiser near it, contradicts.
 
         The point of a loose relaxation contradicts many that are not needed: it counts where the
-        gap is small. Where a tree gains little and none is missing, all neighbours join:
+        gap is small. Where a tree gains little and none is missing, neighbours join:
         constraints that do not bind make a relaxation tighter, too.
         """
         assert self.search is not None and self.small is not None
@@ -244,12 +244,15 @@ class WorkingSetSearch:
                 self._joined(x)
             self._complete(x)
         if slow and self.search is not None and not self.whole.over:
-            assert self.rows is not None
-            rows = self._near(self._near(self.rows))
-            while self.rows.size < rows.size < 1.5 * self.rows.size:
-                rows, before = self._near(rows), rows
-                if rows.size == before.size: break
-            self.done = not self._set(rows)
+            self.done = not self._set(self._wider())
+
+    def _wider(self) -> NDArray[np.int64]:
+        """Add neighbours to the set, and theirs, until it is half as large again."""
+        assert self.rows is not None
+        rows, size = self._near(self._near(self.rows)), 0
+        while size < rows.size < STRATEGY.wider * self.rows.size:
+            rows, size = self._near(rows), rows.size
+        return rows
 
     def _complete(self, x: NDArray[np.float64]) -> None:
         """Add constraints until local searches on the set find nothing below the target."""
@@ -308,7 +311,7 @@ class WorkingSetSearch:
             cost_model=self.costs,
             estimates={},
             active=None,
-            specs=tuple(spec for spec in shared.specs if spec.shape != "split"),
+            specs=_from_stars(shared.specs),
             obbt_lp=False,  # costs more than a relaxation here, and gains little
         )
         own: SolveContext = replace(
@@ -364,6 +367,12 @@ class WorkingSetSearch:
                 replace(entry, name=name, lower_bound=whole.bound, upper_bound=whole.context.upper)
             )
         search.history.clear()
+
+
+def _from_stars(specs: tuple[RelaxationSpec, ...]) -> tuple[RelaxationSpec, ...]:
+    """Leave out what is weaker than a star, and splits: on few constraints they save little."""
+    star = max((spec.share for spec in specs if spec.shape == "star"), default=0.0)
+    return tuple(spec for spec in specs if spec.share >= star and spec.shape != "split")
 
 
 def _largest(price: NDArray[np.float64], share: float) -> NDArray[np.int64]:

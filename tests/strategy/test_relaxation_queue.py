@@ -144,29 +144,26 @@ def test_a_relaxation_returns_where_the_box_shrank_by_what_its_gap_lacks(left, s
     assert (auto.tried == []) == again
 
 
-@pytest.mark.parametrize(
-    ("plain", "tightened", "first"),
-    [
-        (None, None, "star"),
-        (0.0, None, "tightened star"),
-        (0.0, 0.0, "star"),
-        (0.0, 1.0, "tightened star"),
-    ],
-)
-def test_a_box_is_tightened_first_where_that_closes_gaps(plain, tightened, first):
-    """Linear programs take as long as the star; neither closes a gap: the star alone is enough."""
-    problem, options = bilinear(), Options(effort="auto")
-    context = SolveContext(problem, options, Stages(False), Deadline(None))
-    state = SharedState.of(problem, (problem.objective,), options)
+def test_a_relaxation_on_a_smaller_box_is_worth_what_the_box_has_lost():
+    """Half of the widths leave half of the gap: of 4 half the progress, of which a tenth counts."""
+    problem, options = bilinear(), Options(effort="auto", gap=0.1)
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    context = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=1.0)
     shared = Model(*find_box(problem, None, options))
-    queue = AdaptiveSearch(context, shared, [], state).queue
-    star, costs = next(spec for spec in state.specs if spec.shape == "star"), state.cost_model
-    costs.learn(relaxation_queue.TIGHTENING, 0.0, 1.0)
-    costs.seconds[star.name] = 1.0
-    for name, share in ((star.name, plain), (star.tightened.name, tightened)):
-        for _ in range(9 if share is not None else 0):
-            costs.learn(name, share, 1.0)
-    assert queue._prepared(star).name == first
+    state = SharedState.of(problem, (problem.objective,), options)
+    for left, worth in ((4.0, 0.1 * 0.5), (1.9, 1.0)):
+        auto = AdaptiveSearch(context, shared, [], state)
+        gap = auto.context.upper - auto.bound
+        auto.context = replace(auto.context, unit=gap / (auto.context.allowed * left))
+        [star] = [spec for spec in state.specs if spec.shape == "star"]
+        auto.tried = [(star, auto.bound, 1.0)]
+        half = Interval(shared.box.lo, 0.5 * (shared.box.lo + shared.box.hi))
+        auto.restart(replace(shared, box=half))
+        auto.queue.specs = [star]
+        state.cost_model.seconds[star.name] = 1.0
+        assert auto.queue.expected == {star.name: pytest.approx(worth)}
+        alone = state.cost_model.rate(star, 0.0, 1.0)
+        assert auto.queue.best(None)[1] == pytest.approx(min(alone, worth))
 
 
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():

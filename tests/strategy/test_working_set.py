@@ -22,6 +22,7 @@ from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import settings, working_set
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.turns import Turn
 from sparsepop_py.strategy.working_set import WorkingSetSearch
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import BoxProof, Tightening
@@ -237,6 +238,7 @@ def test_points_of_loose_relaxations_add_nothing_and_slow_trees_all_neighbours(
     monkeypatch.setattr(own, "_joined", lambda x: asked.append("relaxation's point"))
     monkeypatch.setattr(own, "_complete", lambda x: asked.append("minimiser"))
     monkeypatch.setattr(own, "_near", lambda rows: np.arange(rows[0] - 1, rows[-1] + 2))
+    assert own._wider().tolist() == [2, 3, 4, 5, 6]
     monkeypatch.setattr(own, "_set", lambda rows: asked.append(rows.tolist()) is None)
     own._grow(slow)
     tight = ["relaxation's point"] if left < settings.STRATEGY.tight else []
@@ -310,3 +312,41 @@ def test_the_next_set_and_the_whole_begin_with_the_box_of_the_tree():
         replay = search.context.at_cutoff()
         again, box = search.model.proof.replay(replay), search.model.box
         assert np.all(again.lo >= box.lo - 1e-12) and np.all(again.hi <= box.hi + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ends", "grown"), [((20, 29), (17, 32)), ((20, 23), (18, 25)), ((0, 39), (0, 39))]
+)
+def test_slow_trees_widen_sets_by_half(ends, grown, monkeypatch):
+    """Neighbours join on both sides, as far as there are any of forty."""
+    own = with_tree(3, 50.0)
+    own.rows = np.arange(ends[0], ends[1] + 1)
+    monkeypatch.setattr(
+        own, "_near", lambda rows: np.arange(max(rows[0] - 1, 0), min(rows[-1] + 2, 40))
+    )
+    assert own._wider().tolist() == list(range(grown[0], grown[1] + 1))
+
+
+def test_sets_begin_with_stars():
+    specs = SharedState.of(problem_of(*record()), (), WIDTH).specs
+    shapes = [spec.shape for spec in working_set._from_stars(specs)]
+    assert {"linear", "split"} <= {spec.shape for spec in specs}
+    assert shapes[0] == "star" and not {"linear", "split"} & set(shapes)
+
+
+@pytest.mark.parametrize(
+    ("left", "on_set", "steps"), [(9.0, True, 3), (11.0, True, 1), (9.0, False, 1)]
+)
+def test_a_turn_on_a_set_goes_on_where_little_is_left(left, on_set, steps):
+    taken = []
+    auto = SimpleNamespace(
+        context=SimpleNamespace(upper=1.0),
+        bound=0.0,
+        left=left,
+        over=False,
+        restart=lambda model: None,
+        run=taken.append,
+    )
+    own = SimpleNamespace(step=lambda: taken.append(1) is None) if on_set else None
+    Turn(cast(Any, auto), cast(Any, own), cast(Any, None), 3).take()
+    assert len(taken) == steps
