@@ -232,15 +232,15 @@ class WorkingSetSearch:
         """Add constraints that the last point, or the minimiser near it, contradicts.
 
         The point of a loose relaxation contradicts many that are not needed: it counts where the
-        gap is small. Where a tree gains little and none is missing, neighbours join:
-        constraints that do not bind make a relaxation tighter, too.
+        gap is small, and no tree goes on to close it. Where a tree gains little and none is
+        missing, neighbours join: constraints that do not bind make a relaxation tighter, too.
         """
         assert self.search is not None and self.small is not None
         point, self.search.point = self.search.point, None
         best = self.whole.context.best
         if point is not None and best is not None:
             x = self.small.point(point, best.x)
-            if self.search.left < STRATEGY.tight:
+            if self.search.left < STRATEGY.tight and (slow or not self._nodes):
                 self._joined(x)
             self._complete(x)
         if slow and self.search is not None and not self.whole.over:

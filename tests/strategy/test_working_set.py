@@ -227,12 +227,13 @@ def test_a_tree_on_a_set_is_not_interrupted():
 
 
 @pytest.mark.parametrize("left", [0.9 * settings.STRATEGY.tight, 1.1 * settings.STRATEGY.tight])
-@pytest.mark.parametrize("slow", [False, True])
-def test_points_of_loose_relaxations_add_nothing_and_slow_trees_all_neighbours(
-    left, slow, monkeypatch
+@pytest.mark.parametrize(("nodes", "slow"), [(0, False), (3, False), (3, True)])
+def test_points_of_loose_relaxations_add_nothing_and_slow_trees_neighbours(
+    left, nodes, slow, monkeypatch
 ):
+    """Nor do points of trees that go on."""
     context = SimpleNamespace(best=SimpleNamespace(x=np.zeros(1)))
-    own = with_tree(3, left, SimpleNamespace(context=context, over=False))
+    own = with_tree(nodes, left, SimpleNamespace(context=context, over=False))
     own.small = cast(Any, SimpleNamespace(point=lambda point, x: point))
     own.rows, asked = np.array([4]), []
     monkeypatch.setattr(own, "_joined", lambda x: asked.append("relaxation's point"))
@@ -241,7 +242,8 @@ def test_points_of_loose_relaxations_add_nothing_and_slow_trees_all_neighbours(
     assert own._wider().tolist() == [2, 3, 4, 5, 6]
     monkeypatch.setattr(own, "_set", lambda rows: asked.append(rows.tolist()) is None)
     own._grow(slow)
-    tight = ["relaxation's point"] if left < settings.STRATEGY.tight else []
+    counts = left < settings.STRATEGY.tight and (slow or not nodes)
+    tight = ["relaxation's point"] if counts else []
     assert asked == [*tight, "minimiser", *([[2, 3, 4, 5, 6]] if slow else [])]
     assert not own.done
 
