@@ -138,7 +138,7 @@ class WorkingSetSearch:
         return self.spent > STRATEGY.whole_star * next(stars, np.inf)
 
     def _hand_over(self) -> None:
-        """Let the whole search have the box that a tree on the set has tightened, once."""
+        """Give the box that the tree has tightened to the whole search, once."""
         found = self.before
         if self.small is not None and self.search is not None:
             found = self.small, self.search.steps_below
@@ -370,7 +370,7 @@ class WorkingSetSearch:
 
 
 def _from_stars(specs: tuple[RelaxationSpec, ...]) -> tuple[RelaxationSpec, ...]:
-    """Leave out what is weaker than a star, and splits: on few constraints they save little."""
+    """Leave out what is weaker than a star, and splits, which save little here."""
     star = max((spec.share for spec in specs if spec.shape == "star"), default=0.0)
     return tuple(spec for spec in specs if spec.share >= star and spec.shape != "split")
 

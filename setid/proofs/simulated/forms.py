@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.linalg import solve_banded
 
 __all__ = ["Form", "Region", "constant", "filtered", "late", "plus", "times"]
 
@@ -138,25 +138,8 @@ def filtered(
     bounded : bool
         False leaves out the rest, and with it the proof.
     """
-    samples, begin = drive.value.size, 0
-    value, slope = drive.value.copy(), drive.slope.copy()
-    denominator = np.zeros(1 + max((lag for lag, _ in poles), default=0))
-    denominator[0] = 1.0
-    for lag, a in poles:
-        denominator[lag] += float(a.value)
-    if start is not None:  # the drive that leads to these samples
-        begin = start.value.size
-        value[:begin] = lfilter(denominator, [1.0], start.value)
-        slope[:begin] = lfilter(denominator, [1.0], start.slope, axis=0)
-    value = lfilter([1.0], denominator, value)
-    for lag, a in poles:
-        k = max(begin, lag)
-        slope[k:] -= a.slope * value[k - lag : samples - lag, None]
-    slope = lfilter([1.0], denominator, slope, axis=0)
-    found = Form(value, slope, np.zeros(samples))
-    if start is not None:
-        for part, first in zip(found, start, strict=True):
-            part[:begin] = first
+    begin = 0 if start is None else start.value.size
+    found = _first_order(poles, drive, start, begin)
     if not bounded:
         return found
     left = plus(found, _negative(drive), region)
@@ -164,10 +147,37 @@ def filtered(
         left = plus(left, times(late(found, lag), a, region), region)
     size = (np.abs(left.value) + region.reach(left.slope) + left.rest) * _MORE
     size[:begin] = 0.0  # they are what they are
-    rest = _through(_response(poles, samples, region), size)
+    rest = _through(_response(poles, drive.value.size, region), size)
     if start is not None:
         rest[:begin] = start.rest
     return found._replace(rest=rest)
+
+
+def _first_order(
+    poles: list[tuple[int, Form]], drive: Form, start: Form | None, begin: int
+) -> Form:
+    """Solve the recursion to first order, its matrix stored by bands; without a rest."""
+    samples = drive.value.size
+    value, slope = drive.value.copy(), drive.slope.copy()
+    if start is not None:
+        value[:begin], slope[:begin] = start.value, start.slope
+    most = max((lag for lag, _ in poles if lag < samples), default=0)
+    bands = np.zeros((most + 1, samples))  # of the matrix of the recursion, below its diagonal
+    bands[0] = 1.0
+    for lag, a in poles:
+        if lag < samples:
+            bands[lag, max(begin - lag, 0) :] += a.value
+    if samples:
+        value = solve_banded((most, 0), bands, value, check_finite=False)
+        for lag, a in poles:
+            k = max(begin, lag)
+            slope[k:] -= a.slope * value[k - lag : max(samples - lag, 0), None]
+        slope = solve_banded((most, 0), bands, slope, check_finite=False)
+    found = Form(value, slope, np.zeros(samples))
+    if start is not None:
+        for part, first in zip(found, start, strict=True):
+            part[:begin] = first
+    return found
 
 
 def _negative(form: Form) -> Form:
