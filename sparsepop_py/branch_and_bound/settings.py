@@ -135,8 +135,6 @@ class LinearTreeSettings:
     step, zero : float
         Branching point as a share of the upper end, where the other factor is a row; share of
         the first width below which such a variable counts as zero.
-    nearly : float
-        A node is branched and not tightened where larger shares of the widths would fathom it.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float

@@ -211,10 +211,11 @@ class AdaptiveSearch:
         # another box than before, which need not be within it
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
-        # a gap shrinks at least as fast as the box: the same relaxation may close it now
+        # a gap shrinks about as fast as the widths of the branching variables: it may close now
         smaller = max(STRATEGY.smaller_box, 1.0 / max(self.left, 1.0))
         if self.search is None and self.tried and width.min(initial=1.0) < smaller:
-            kept = float(np.mean(width)) if width.size else 1.0
+            chosen = np.isin(np.flatnonzero(moved), self.shared_state.variables)
+            kept = float(np.mean(width[chosen] if chosen.any() else width))
             share = progress(self.left, self.left * kept, 1.0)
             self.queue.again((spec for spec, _, _ in self.tried), worth_of(share))
             self.tried = []
@@ -232,8 +233,11 @@ class AdaptiveSearch:
         Parameters
         ----------
         steps : tuple of Step
-            About this problem. What they prove is recomputed.
+            About this problem. What they prove is recomputed. Without relaxations or linear
+            programs among them nothing happens: propagation is done in any case.
         """
+        if not any(isinstance(step, Tightening) for step in steps):
+            return
         self.context = replace(self.context, below=True)
         with self.context.stages.stage("presolve"):
             box = apply_steps(self.context.at_cutoff(), steps, self.model.box)

@@ -145,9 +145,9 @@ class WorkingSetSearch:
         if found is None:
             return
         small, steps = found
-        tightenings = [step for step in steps if isinstance(step, Tightening)]
-        if tightenings and tightenings[-1] is not self.given:
-            self.given = tightenings[-1]
+        last = next((step for step in reversed(steps) if isinstance(step, Tightening)), None)
+        if last is not self.given:
+            self.given = last
             self.whole.adopt(small.restated_steps(steps, self.whole.model.box))
 
     # ---- the set ------------------------------------------------------------------------------
