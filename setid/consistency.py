@@ -52,6 +52,7 @@ from setid.proofs.least_noise.noise_scale import (
 )
 from setid.proofs.parameter_box import start_of
 from sparsepop_py.budget import Deadline
+from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
@@ -65,7 +66,7 @@ READ_OFF = "read off this record"
 _SEARCH = 5.0  # seconds for a better estimate
 _MANY = 100  # equations: where cells of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
-_SHARE = 0.7  # of the time, for what refutes denominators
+_SHARE = 0.85  # of the time, for what refutes denominators
 _STARTS = 3  # denominators from which a fit begins
 
 
@@ -211,6 +212,7 @@ _MEANING = {
 }
 
 
+@one_thread
 def consistency(
     data: IOData,
     model: Structure,
@@ -231,7 +233,8 @@ def consistency(
     options : Options, optional
         ``tol`` is the gap of the factor, relative to it; 60 seconds when left out.
     executor : concurrent.futures.Executor, optional
-        Processes the nodes of branch and bound, as for :func:`setid.identify`.
+        Processes the nodes of branch and bound, as for :func:`setid.identify`, and refutes
+        several cones of denominators at once.
 
     Returns
     -------
@@ -444,7 +447,8 @@ def _refuted_denominators(
         rows = output_rows(formulation, output)
         assert rows is not None
         deadline = Deadline(None if left == inf else max(left, 0.0))
-        found = least_output_noise(rows, output, 0.5 * settings.tol, deadline)
+        executor = None if settings.engine is None else settings.engine.executor
+        found = least_output_noise(rows, output, 0.5 * settings.tol, deadline, executor)
         if found.cells is not None and (refuted is None or found.factor > refuted[0]):
             refuted = found.factor, found.cells
         best = found.best[:_STARTS] if outputs == 1 else ()

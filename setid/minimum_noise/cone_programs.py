@@ -20,7 +20,9 @@ so slowly that two parts of the cone are cheaper.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from math import inf
 from typing import NamedTuple
 
@@ -33,7 +35,7 @@ from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import Cone
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
 
-__all__ = ["ConeBound", "ConePrograms"]
+__all__ = ["ConeBound", "ConePrograms", "solved_cone"]
 
 Reals = NDArray[np.float64]
 _STEPS = 50
@@ -42,6 +44,8 @@ _OPEN = 1e-3  # of a target: a level with which a cone is parted
 _INFEASIBLE = 0.05  # what is left of the infeasibility of dual values, where these tell
 _LOOK = 3  # steps whose rate counts
 _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
+_OFTEN = 30  # programs of a process: then compiled substitution is worth its loading
+_counter = count()
 _TINY = 1e-300
 
 
@@ -144,9 +148,23 @@ class ConePrograms:
         program = _Program(
             self._programs, self._known, vectors, minors * units[:, None], target * self._scale
         )
+        if next(_counter) > _OFTEN:
+            program.substitution = _compiled()
         with np.errstate(all="ignore"):
             factor, multipliers, shares, weights = program.run(patience)
         return ConeBound(factor / self._scale, multipliers, shares * units, weights)
+
+
+def solved_cone(task: tuple[ConePrograms, Cone, tuple[int, ...], float, float]) -> ConeBound:
+    """Solve the program of a cone, in any process.
+
+    Parameters
+    ----------
+    task : tuple
+        Programs of the record, and the arguments of :meth:`ConePrograms.solve`.
+    """
+    programs, cone, powers, target, patience = task
+    return programs.solve(cone, powers, target, patience)
 
 
 class _Program:
@@ -157,6 +175,7 @@ class _Program:
     ) -> None:
         self._order, self._vectors = programs.order, vectors
         self.minors, self.target, self.known = minors, target, known
+        self.substitution: Callable[[Reals, Reals], Reals] = _by_lapack
         self.w = programs.bound / float(programs.bound.sum())
         self._one, self._two = np.array(pairs(len(vectors))).T
         self.count, size = self._one.size, len(vectors)
@@ -316,14 +335,14 @@ class _Newton:
         band = program.band(4.0 * one * two / self._sum)
         self._factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=True)
         spread = w * self._skew
-        columns = np.vstack(
+        rows = np.vstack(
             [
                 target * program.columns(spread) - program.needed,
                 program.adjoint(spread)[None],
                 program.known,
             ]
         )
-        self._columns = self._forward(columns.T)
+        self._columns = program.substitution(self._factor, rows)
         self._inner = self._columns.T @ self._columns
         self._curve = (w * w / self._sum).sum(axis=1)
         self._loss = program.adjoint(at.above - at.below) - at.weights @ program.needed
@@ -396,6 +415,23 @@ class _Newton:
             (aims[3] - at.dual_minors * shares) / at.minors,
             dual_level,
         )
+
+
+def _by_lapack(factor: Reals, rows: Reals) -> Reals:
+    """Solve L x = r with the lower band (b + 1, n) of L for each row r of (m, n); (n, m)."""
+    found, info = dtbtrs(factor, rows.T, uplo="L")
+    if info:
+        raise np.linalg.LinAlgError
+    return np.asarray(found, np.float64)
+
+
+def _compiled() -> Callable[[Reals, Reals], Reals]:
+    """The same compiled by numba, which reads the factor once; LAPACK's where numba is missing."""
+    try:
+        from setid.minimum_noise.compiled_forward import forward
+    except ImportError:
+        return _by_lapack
+    return forward
 
 
 def _remaining(reached: list[float]) -> float:

@@ -9,6 +9,7 @@ together they exclude as much noise as they can.
 from __future__ import annotations
 
 import heapq
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -58,7 +59,11 @@ class _Grown(NamedTuple):
 
 
 def least_output_noise(
-    rows: OutputRows, output: int, tol: float, deadline: Deadline
+    rows: OutputRows,
+    output: int,
+    tol: float,
+    deadline: Deadline,
+    executor: Executor | None = None,
 ) -> FoundDenominators:
     """Bound the least factor on the noise bounds of one output from below.
 
@@ -70,6 +75,8 @@ def least_output_noise(
     tol : float
         Of the factor.
     deadline : Deadline
+    executor : concurrent.futures.Executor, optional
+        Refutes several cones at once, where multipliers vary within each.
     """
     section = longest_stretch(rows.row)
     if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
@@ -87,7 +94,7 @@ def least_output_noise(
     found = first.run()
     if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best:
         return found
-    more = follow_denominators(rows, programs, output, tol, deadline, found.best)
+    more = follow_denominators(rows, programs, output, tol, deadline, found.best, executor)
     best = more.best or found.best
     larger = max(found, more, key=lambda one: one.factor)
     return replace(larger, best=best)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cone_programs import ConePrograms
+from setid.minimum_noise.cone_programs import ConeBound, ConePrograms, solved_cone
 from setid.minimum_noise.cones import changing_edge, monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import (
@@ -32,6 +33,8 @@ from setid.proofs.least_noise.denominator_cells import (
 )
 from setid.proofs.least_noise.varying_multipliers import VaryingCells, hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
+from sparsepop_py.errors import SparsePOPError
+from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
 __all__ = ["follow_denominators"]
 
@@ -45,8 +48,12 @@ _RANDOM, _STARTS, _AGAIN = 200, 5, 5  # denominators and descents for each unkno
 _SLOW = 3e-3  # least distance of a random pole from the unit circle
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _FAR = 1e100
-_DRAWING, _EXPLORING = 0.12, 0.25  # of the time: for random denominators, and with descents
+_DRAWING, _EXPLORING = 0.06, 0.12  # of the time: for random denominators, and with descents
 _TINY, _ALMOST = 1e-7, 1e-4
+_NOTHING = VaryingLeaf((), (), ())
+_AT_ONCE = 0.25  # of the time: for cones that are refuted at the last target
+_AHEAD = 4  # cones for each worker of an executor
+_SHARES, _NEAR = (0.5, 0.25, 0.125, 0.08), 1.5  # of a level, to be left; of a tolerance
 _LOWER = 0.01  # of a level: where a descent is worth it
 _ALMOST_STABLE = 1.0 + 1e-4
 
@@ -68,6 +75,7 @@ def follow_denominators(
     tol: float,
     deadline: Deadline,
     best: Sequence[Reals] = (),
+    executor: Executor | None = None,
 ) -> FoundDenominators:
     """Bound the least factor on the noise bounds of one output from below.
 
@@ -82,8 +90,10 @@ def follow_denominators(
     deadline : Deadline
     best : sequence of (n,) float
         Coefficients of denominators to begin from, beside random ones.
+    executor : concurrent.futures.Executor, optional
+        Solves the linear programs of several cones at once.
     """
-    search = _Search(rows, programs, tol, deadline)
+    search = _Search(rows, programs, tol, deadline, executor)
     for coefficients in best:
         search.try_denominator(np.concatenate([[1.0], coefficients]))
     search.explore()
@@ -95,27 +105,38 @@ def follow_denominators(
 
 class _Search:
     def __init__(
-        self, rows: OutputRows, programs: Programs, tol: float, deadline: Deadline
+        self,
+        rows: OutputRows,
+        programs: Programs,
+        tol: float,
+        deadline: Deadline,
+        executor: Executor | None = None,
     ) -> None:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
+        self._executor = executor
+        self._ahead = _AHEAD * workers_of(executor) or 1  # cones that are parted together
         self.level, self.best = np.inf, list[Reals]()
         self._explored = np.inf  # the level from which there was a descent
+        self._share = tol  # of the level: what may be left now
+        self._until = deadline
         self._cones = ConePrograms(programs, rows.stable)
         self._multipliers: list[Reals] = []
         self._leaves: list[VaryingLeaf] = []  # what refutes each cone as a whole
         self._proved: list[float] = []
         self._parted: list[Cell | None] = []
         self._waiting: list[tuple[float, int, _Node]] = []
+        self._refuted: list[_Node] = []  # at the present target
 
     @property
     def target(self) -> float:
-        """The factor that is to be refuted."""
-        return (1.0 - self._tol) * self.level
+        """The factor that is to be refuted now."""
+        return (1.0 - self._share) * self.level
 
     @property
-    def _is_full(self) -> bool:
-        """Check that multipliers and bases take as much memory as they may."""
-        return len(self._multipliers) * 8.0 * self._programs.y.size > _MEMORY
+    def _ended(self) -> bool:
+        """Check that the time is over, or multipliers take as much memory as they may."""
+        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MEMORY
+        return full or self._until.over
 
     # ---- denominators ----
 
@@ -224,25 +245,60 @@ class _Search:
         weights[which[0]] = 1.0
         return VaryingLeaf((), (), powers, tuple(weights.tolist()))
 
-    def _add(self, node: _Node, least: float = 0.0) -> None:
-        """File a cone with what refutes it."""
-        node = self._centred(node._replace(number=len(self._leaves)))
-        powers = tuple(int(p) for p in np.round(np.log2(self._sizes(node))))
-        leaf, factor = self._unstable(node.cone, powers), np.inf
-        if leaf is None:
-            bound = self._cones.solve(node.cone, powers, self.target, _PATIENCE)
-            first, size = len(self._multipliers), len(bound.multipliers)
-            self._multipliers += list(self._orthogonal(bound.multipliers))
-            family, factor = tuple(range(first, first + size)), bound.factor
-            leaf = VaryingLeaf((family,), (1.0,), powers, tuple(bound.minors.tolist()))
-            if factor < self.target:
-                products = np.zeros((size, size))
-                products[tuple(np.array(pairs(size)).T)] = bound.weights
-                node = node._replace(products=products + products.T)
-                heapq.heappush(self._waiting, (max(least, factor), node.number, node))
-        self._leaves.append(leaf)
-        self._proved.append(factor)
+    def _filed(self, node: _Node) -> _Node:
+        """File a cone that nothing refutes yet."""
+        self._leaves.append(_NOTHING)
+        self._proved.append(0.0)
         self._parted.append(None)
+        return self._centred(node._replace(number=len(self._leaves) - 1))
+
+    def _refute(self, nodes: Sequence[tuple[_Node, float]]) -> None:
+        """Refute the target in cones; put others in the queue, each with its whole's factor."""
+        solved: dict[int, _Node] = {}
+        if not self._ended:
+            low = ((node, max(least, self._proved[node.number])) for node, least in nodes)
+            solved = self._solved([node for node, known in low if known < self.target])
+        for node, least in nodes:
+            known, node = self._proved[node.number], solved.get(node.number, node)
+            if known >= self.target:
+                self._refuted.append(node)
+            else:
+                heapq.heappush(self._waiting, (max(least, known), node.number, node))
+
+    def _solved(self, nodes: Sequence[_Node]) -> dict[int, _Node]:
+        """Solve for what refutes the target in cones; what refuted more before stays."""
+        open_, tasks = list[_Node](), []
+        for node in nodes:
+            powers = tuple(int(p) for p in np.round(np.log2(self._sizes(node))))
+            leaf = self._unstable(node.cone, powers)
+            if leaf is None:
+                open_.append(node)
+                tasks.append((self._cones, node.cone, powers, self.target, _PATIENCE))
+            else:
+                self._leaves[node.number], self._proved[node.number] = leaf, np.inf
+        try:
+            bounds = map_in_order(self._executor, solved_cone, tasks)
+        except SparsePOPError:  # the executor takes no tasks any more
+            self._executor, self._ahead = None, 1
+            bounds = [solved_cone(task) for task in tasks]
+        return {
+            node.number: self._kept(node, task[2], bound)
+            for node, task, bound in zip(open_, tasks, bounds, strict=True)
+        }
+
+    def _kept(self, node: _Node, powers: tuple[int, ...], bound: ConeBound) -> _Node:
+        """Keep what refutes a cone, if it is more than before, and where it is hard to refute."""
+        number, size = node.number, len(node.cone)
+        if bound.factor > self._proved[number]:
+            first = len(self._multipliers)
+            self._multipliers += list(self._orthogonal(bound.multipliers))
+            family = tuple(range(first, first + size))
+            minors = tuple(bound.minors.tolist())
+            self._leaves[number] = VaryingLeaf((family,), (1.0,), powers, minors)
+            self._proved[number] = bound.factor
+        products = np.zeros((size, size))
+        products[tuple(np.array(pairs(size)).T)] = bound.weights
+        return node._replace(products=products + products.T)
 
     def _orthogonal(self, multipliers: Reals) -> Reals:
         """Take rounding out of the products with the columns."""
@@ -252,19 +308,51 @@ class _Search:
         return multipliers
 
     def run(self) -> None:
-        """Part cones until all are refuted, or time or memory ends."""
+        """Part cones until all are refuted, or time or memory ends.
+
+        Where that takes too long, the target falls and rises again. Each time all that is open is
+        refuted before the rest, so that the factor of the worst cone is near the others'.
+        """
         for cone in first_cones(self._rows.order, self._rows.stable):
-            self._add(_Node(-1, cone, None, None, np.ones((len(cone), len(cone)))))
-        while self._waiting:
-            low, _, node = heapq.heappop(self._waiting)
-            if low >= self.target or self._deadline.over or self._is_full:
+            node = _Node(len(self._leaves), cone, None, None, np.ones((len(cone), len(cone))))
+            self._refuted.append(self._filed(node))
+        left, self._until = self._deadline.left, self._deadline
+        if left is not None:
+            self._until = Deadline(_AT_ONCE * left)
+        shares = [self._tol]
+        self._reach(self._tol)
+        if self._waiting:
+            shares = [*(share for share in _SHARES if share > _NEAR * self._tol), self._tol]
+        self._until = self._deadline
+        for share in shares:
+            if not self._ended:
+                self._reach(share)
+
+    def _reach(self, share: float) -> None:
+        """Refute a target in all cones, as far as time allows."""
+        self._share = share
+        nodes = [(node, 0.0) for node in self._refuted]
+        nodes += [(node, low) for low, _, node in self._waiting]
+        self._refuted, self._waiting = [], []
+        for begin in range(0, len(nodes), self._ahead):
+            self._refute(nodes[begin : begin + self._ahead])
+        self._part_all()
+
+    def _part_all(self) -> None:
+        """Part the cones that are open at the present target, the worst ones first."""
+        while not self._ended:
+            parts: list[tuple[_Node, float]] = []
+            while self._waiting and self._waiting[0][0] < self.target and len(parts) < self._ahead:
+                low, _, node = heapq.heappop(self._waiting)
+                parts += [(part, low) for part in self._parts(node)]
+            if not parts:
                 break
-            self._part(node, low)
+            self._refute(parts)
             if self.level < (1.0 - _LOWER) * self._explored:
                 self._descended(np.append(1.0, self.best[0]), self._deadline)
                 self._explored = self.level
 
-    def _part(self, node: _Node, low: float) -> None:
+    def _parts(self, node: _Node) -> list[_Node]:
         """Part a cone at an edge between vectors that are hard to refute together."""
         edge: tuple[int, int, tuple[int, int]] | None = (0, 1, (1, 1))
         if node.centre is not None:
@@ -272,15 +360,14 @@ class _Search:
             bound, sizes = self._programs.bound, self._sizes(node)
             edge = changing_edge(filtered, sizes, bound, node.products)
         if edge is None:
-            return
+            return []
         i, j, weights = edge
         parts = parted_cone(node.cone, (i, j), weights)
         if parts is None:  # too thin: it stays a leaf
-            return
+            return []
         first = len(self._leaves)
         self._parted[node.number] = Cell((first, first + 1), (i, j), weights)
-        for part in parts:
-            self._add(node._replace(cone=part), low)
+        return [self._filed(node._replace(cone=part)) for part in parts]
 
     def found(self, output: int) -> FoundDenominators:
         """State what the tree refutes; parts that refute less than their whole are left out."""
@@ -301,7 +388,7 @@ class _Search:
                 cells.append(cell._replace(children=(len(order), len(order) + 1)))
                 order += cell.children
             else:
-                cells.append(Cell() if leaf is None else leaf)
+                cells.append(leaf)
             proved.append(low[number])
         assert self._programs.free is not None
         none, free = np.zeros((0, self._rows.y.size)), self._programs.free

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import cholesky_banded
 from scipy.optimize import linprog
 
 import setid
-from setid.minimum_noise.cone_programs import ConePrograms
+from setid.minimum_noise import cone_programs, varying
+from setid.minimum_noise.cone_programs import ConeBound, ConePrograms
 from setid.minimum_noise.programs import Programs, longest_stretch
 from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
@@ -21,6 +25,7 @@ from setid.proofs.least_noise.denominator_cells import (
 )
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
+from sparsepop_py.executors.processes import Processes
 
 POLES = {1: [0.6], 2: [0.7 + 0.2j, 0.7 - 0.2j], 3: [0.9, 0.5 + 0.4j, 0.5 - 0.4j]}
 
@@ -155,6 +160,109 @@ def test_a_search_closes_from_random_denominators(order: int) -> None:
     assert least is not None and planted is not None and least[0] <= planted[0] * (1 + 1e-9)
     assert 0.899 * least[0] <= found.factor <= least[0]
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
+
+
+def wandering() -> OutputRows:
+    """Outputs that are a random walk: no model of order 3 explains them."""
+    random = np.random.default_rng(1)
+    data = setid.IOData(random.uniform(-1.0, 1.0, 60), np.cumsum(random.uniform(-1.0, 1.0, 60)))
+    model, noise = setid.TransferFunction(3, 1, 1), setid.Noise(output=1.0)
+    found = output_rows(setid.formulate(data, model, noise, setid.Stable()), 0)
+    assert found is not None
+    return found
+
+
+def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = wandering()
+    programs, solve, left = Programs(rows, longest_stretch(rows.row)), ConePrograms.solve, [25]
+
+    def counted(self: ConePrograms, *arguments: Any) -> ConeBound:
+        left[0] -= 1
+        return solve(self, *arguments)
+
+    monkeypatch.setattr(ConePrograms, "solve", counted)
+    monkeypatch.setattr(varying._Search, "_ended", property(lambda self: left[0] <= 0))
+    search = varying._Search(rows, programs, 0.02, Deadline(60.0))
+    search.try_denominator(np.array([1.0, -1.0, 0.0, 0.0]))
+    search.run()
+    before = search.found(0)
+    assert search._waiting and before.factor < 0.5 * search.level
+    left[0] = 200
+    search._reach(0.5)
+    after = search.found(0)
+    assert not search._waiting and left[0] > 100
+    assert 0.499 * search.level <= after.factor < 0.9 * search.level
+    left[0] = 10**6
+    search._reach(0.02)
+    closed = search.found(0)
+    assert 0.979 * search.level <= closed.factor <= search.level
+    for found in (after, closed):
+        assert found.cells is not None
+        assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
+
+
+def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows, shares = rows_of(2), list[float]()
+    programs = Programs(rows, longest_stretch(rows.row))
+    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
+    search.level, reach = 1.0, varying._Search._reach
+
+    def slow(self: varying._Search, share: float) -> None:
+        shares.append(share)
+        if len(shares) > 1:
+            return reach(self, share)
+        assert self._until.end < self._deadline.end
+        self._waiting = [(0.0, node.number, node) for node in self._refuted]
+        self._refuted = []
+        return None
+
+    monkeypatch.setattr(varying._Search, "_reach", slow)
+    search.try_denominator(np.real(np.poly(POLES[2])))
+    search.run()
+    assert shares == [0.05, 0.5, 0.25, 0.125, 0.08, 0.05]
+    assert not search._waiting and search.found(0).factor >= 0.949 * search.level
+
+
+def test_better_denominators_lower_the_target_of_cones_in_the_queue() -> None:
+    rows = rows_of(3)
+    programs = Programs(rows, longest_stretch(rows.row))
+    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
+    search.try_denominator(np.real(np.poly(POLES[3])))
+    search.level *= 4.0
+    search.run()
+    assert search.found(0).factor >= 0.949 * search.level
+
+
+@pytest.mark.parametrize("shut", [False, True])
+def test_an_executor_solves_the_programs_of_several_cones(shut: bool) -> None:
+    """One that is shut down takes no tasks: they are solved here."""
+    rows = rows_of(3)
+    programs = Programs(rows, longest_stretch(rows.row))
+    with Processes(2) as pool:
+        if shut:
+            pool.shutdown()
+        search = varying._Search(rows, programs, 0.02, Deadline(60.0), pool)
+        search.try_denominator(np.real(np.poly(POLES[3])))
+        search.run()
+    found = search.found(0)
+    assert (search._ahead > 1) != shut and 0.979 * search.level <= found.factor
+    assert found.cells is not None
+    assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
+
+
+def test_substitution_is_the_same_compiled_and_by_lapack(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(3)
+    band = np.vstack([np.full(40, 9.0), random.standard_normal((5, 40))])
+    factor, rows = cholesky_banded(band, lower=True), random.standard_normal((7, 40))
+    whole = sum(np.diag(factor[d, : 40 - d], -d) for d in range(6))
+    for substitution in (cone_programs._by_lapack, cone_programs._compiled()):
+        np.testing.assert_allclose(whole @ substitution(factor, rows), rows.T, atol=1e-12)
+    monkeypatch.setitem(sys.modules, "setid.minimum_noise.compiled_forward", None)
+    assert cone_programs._compiled() is cone_programs._by_lapack
 
 
 def test_programs_that_come_slowly_are_left() -> None:
