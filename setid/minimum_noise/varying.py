@@ -120,12 +120,19 @@ class _Search:
         self._share = tol  # of the level: what may be left now
         self._until = deadline
         self._cones = ConePrograms(programs, rows.stable)
+        self._begin()
+
+    def _begin(self) -> None:
+        """File the first cones alone."""
         self._multipliers: list[Reals] = []
+        self._nodes: list[_Node] = []  # by number, as what follows
         self._leaves: list[VaryingLeaf] = []  # what refutes each cone as a whole
         self._proved: list[float] = []
+        self._failed: list[float] = []  # least target that was not refuted
         self._parted: list[Cell | None] = []
-        self._waiting: list[tuple[float, int, _Node]] = []
-        self._refuted: list[_Node] = []  # at the present target
+        self._waiting: list[tuple[float, int]] = []
+        for cone in first_cones(self._rows.order, self._rows.stable):
+            self._file(_Node(0, cone, None, None, np.ones((len(cone), len(cone)))))
 
     @property
     def target(self) -> float:
@@ -245,50 +252,46 @@ class _Search:
         weights[which[0]] = 1.0
         return VaryingLeaf((), (), powers, tuple(weights.tolist()))
 
-    def _filed(self, node: _Node) -> _Node:
+    def _file(self, node: _Node) -> None:
         """File a cone that nothing refutes yet."""
+        self._nodes.append(self._centred(node._replace(number=len(self._nodes))))
         self._leaves.append(_NOTHING)
         self._proved.append(0.0)
+        self._failed.append(np.inf)
         self._parted.append(None)
-        return self._centred(node._replace(number=len(self._leaves) - 1))
 
-    def _refute(self, nodes: Sequence[tuple[_Node, float]]) -> None:
+    def _refute(self, cones: Sequence[tuple[int, float]]) -> None:
         """Refute the target in cones; put others in the queue, each with its whole's factor."""
-        solved: dict[int, _Node] = {}
         if not self._ended:
-            low = ((node, max(least, self._proved[node.number])) for node, least in nodes)
-            solved = self._solved([node for node, known in low if known < self.target])
-        for node, least in nodes:
-            known, node = self._proved[node.number], solved.get(node.number, node)
-            if known >= self.target:
-                self._refuted.append(node)
-            else:
-                heapq.heappush(self._waiting, (max(least, known), node.number, node))
+            self._solve([n for n, _ in cones if self._proved[n] < self.target < self._failed[n]])
+        for number, least in cones:
+            low = max(least, self._proved[number])
+            if low < self.target and self._parted[number] is None:
+                heapq.heappush(self._waiting, (low, number))
 
-    def _solved(self, nodes: Sequence[_Node]) -> dict[int, _Node]:
+    def _solve(self, numbers: Sequence[int]) -> None:
         """Solve for what refutes the target in cones; what refuted more before stays."""
-        open_, tasks = list[_Node](), []
-        for node in nodes:
+        open_, tasks = list[int](), []
+        for number in numbers:
+            node = self._nodes[number]
             powers = tuple(int(p) for p in np.round(np.log2(self._sizes(node))))
             leaf = self._unstable(node.cone, powers)
             if leaf is None:
-                open_.append(node)
+                open_.append(number)
                 tasks.append((self._cones, node.cone, powers, self.target, _PATIENCE))
             else:
-                self._leaves[node.number], self._proved[node.number] = leaf, np.inf
+                self._leaves[number], self._proved[number] = leaf, np.inf
         try:
             bounds = map_in_order(self._executor, solved_cone, tasks)
         except SparsePOPError:  # the executor takes no tasks any more
             self._executor, self._ahead = None, 1
             bounds = [solved_cone(task) for task in tasks]
-        return {
-            node.number: self._kept(node, task[2], bound)
-            for node, task, bound in zip(open_, tasks, bounds, strict=True)
-        }
+        for number, task, bound in zip(open_, tasks, bounds, strict=True):
+            self._keep(number, task[2], bound)
 
-    def _kept(self, node: _Node, powers: tuple[int, ...], bound: ConeBound) -> _Node:
+    def _keep(self, number: int, powers: tuple[int, ...], bound: ConeBound) -> None:
         """Keep what refutes a cone, if it is more than before, and where it is hard to refute."""
-        number, size = node.number, len(node.cone)
+        node, size = self._nodes[number], len(self._nodes[number].cone)
         if bound.factor > self._proved[number]:
             first = len(self._multipliers)
             self._multipliers += list(self._orthogonal(bound.multipliers))
@@ -296,9 +299,11 @@ class _Search:
             minors = tuple(bound.minors.tolist())
             self._leaves[number] = VaryingLeaf((family,), (1.0,), powers, minors)
             self._proved[number] = bound.factor
+        if self._proved[number] < self.target:
+            self._failed[number] = self.target
         products = np.zeros((size, size))
         products[tuple(np.array(pairs(size)).T)] = bound.weights
-        return node._replace(products=products + products.T)
+        self._nodes[number] = node._replace(products=products + products.T)
 
     def _orthogonal(self, multipliers: Reals) -> Reals:
         """Take rounding out of the products with the columns."""
@@ -310,41 +315,44 @@ class _Search:
     def run(self) -> None:
         """Part cones until all are refuted, or time or memory ends.
 
-        Where that takes too long, the target falls and rises again. Each time all that is open is
-        refuted before the rest, so that the factor of the worst cone is near the others'.
+        Where that takes too long, the search begins again with a low target, which rises. Each time
+        all cones are refuted before any is refuted further: the worst one is near the others.
         """
-        for cone in first_cones(self._rows.order, self._rows.stable):
-            node = _Node(len(self._leaves), cone, None, None, np.ones((len(cone), len(cone))))
-            self._refuted.append(self._filed(node))
-        left, self._until = self._deadline.left, self._deadline
+        left = self._deadline.left
         if left is not None:
             self._until = Deadline(_AT_ONCE * left)
-        shares = [self._tol]
         self._reach(self._tol)
-        if self._waiting:
-            shares = [*(share for share in _SHARES if share > _NEAR * self._tol), self._tol]
+        if not self._ended:
+            return
         self._until = self._deadline
-        for share in shares:
+        if not self._ended:
+            self._begin()
+        for share in (*(share for share in _SHARES if share > _NEAR * self._tol), self._tol):
             if not self._ended:
                 self._reach(share)
 
     def _reach(self, share: float) -> None:
-        """Refute a target in all cones, as far as time allows."""
-        self._share = share
-        nodes = [(node, 0.0) for node in self._refuted]
-        nodes += [(node, low) for low, _, node in self._waiting]
-        self._refuted, self._waiting = [], []
-        for begin in range(0, len(nodes), self._ahead):
-            self._refute(nodes[begin : begin + self._ahead])
+        """Refute a target in all cones while time allows, in parts only where their whole fails."""
+        self._share, self._waiting = share, []
+        layer = list(range(len(first_cones(self._rows.order, self._rows.stable))))
+        while layer and not self._ended:
+            parts: list[int] = []
+            for begin in range(0, len(layer), self._ahead):
+                self._refute([(number, 0.0) for number in layer[begin : begin + self._ahead]])
+            for number in layer:
+                cell = self._parted[number]
+                if cell is not None and self._proved[number] < self.target:
+                    parts += cell.children
+            layer = parts
         self._part_all()
 
     def _part_all(self) -> None:
         """Part the cones that are open at the present target, the worst ones first."""
         while not self._ended:
-            parts: list[tuple[_Node, float]] = []
+            parts: list[tuple[int, float]] = []
             while self._waiting and self._waiting[0][0] < self.target and len(parts) < self._ahead:
-                low, _, node = heapq.heappop(self._waiting)
-                parts += [(part, low) for part in self._parts(node)]
+                low, number = heapq.heappop(self._waiting)
+                parts += [(part, low) for part in self._parts(self._nodes[number])]
             if not parts:
                 break
             self._refute(parts)
@@ -352,7 +360,7 @@ class _Search:
                 self._descended(np.append(1.0, self.best[0]), self._deadline)
                 self._explored = self.level
 
-    def _parts(self, node: _Node) -> list[_Node]:
+    def _parts(self, node: _Node) -> tuple[int, ...]:
         """Part a cone at an edge between vectors that are hard to refute together."""
         edge: tuple[int, int, tuple[int, int]] | None = (0, 1, (1, 1))
         if node.centre is not None:
@@ -360,14 +368,16 @@ class _Search:
             bound, sizes = self._programs.bound, self._sizes(node)
             edge = changing_edge(filtered, sizes, bound, node.products)
         if edge is None:
-            return []
+            return ()
         i, j, weights = edge
         parts = parted_cone(node.cone, (i, j), weights)
         if parts is None:  # too thin: it stays a leaf
-            return []
-        first = len(self._leaves)
+            return ()
+        first = len(self._nodes)
         self._parted[node.number] = Cell((first, first + 1), (i, j), weights)
-        return [self._filed(node._replace(cone=part)) for part in parts]
+        for part in parts:
+            self._file(node._replace(cone=part))
+        return first, first + 1
 
     def found(self, output: int) -> FoundDenominators:
         """State what the tree refutes; parts that refute less than their whole are left out."""
