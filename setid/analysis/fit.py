@@ -50,6 +50,7 @@ from setid.proofs.least_noise.least_error import (
 )
 from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.scaled import solve_scaled
+from sparsepop_py.solvers.threads import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -212,6 +213,7 @@ class Fit:
         return f"<Fit: {self.norm}, error {high}, at least {low} (proved)>"
 
 
+@one_thread
 def fit(
     data: IOData,
     model: Structure,

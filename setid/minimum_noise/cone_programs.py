@@ -349,11 +349,8 @@ class _Newton:
         self._size_loss = (target * at.weights[:, None] + at.dual_level) * w - at.above - at.below
         self._matrix = self._small()
 
-    def _forward(self, columns: Reals, transposed: bool = False) -> Reals:
-        found, info = dtbtrs(self._factor, columns, uplo="L", trans="T" if transposed else "N")
-        if info:
-            raise np.linalg.LinAlgError
-        return np.asarray(found, np.float64)
+    def _forward(self, column: Reals, transposed: bool = False) -> Reals:
+        return _substituted(self._factor, column, transposed)
 
     def _small(self) -> Reals:
         """The matrix of pairs, sizes, known columns, level and minors."""
@@ -417,12 +414,17 @@ class _Newton:
         )
 
 
-def _by_lapack(factor: Reals, rows: Reals) -> Reals:
-    """Solve L x = r with the lower band (b + 1, n) of L for each row r of (m, n); (n, m)."""
-    found, info = dtbtrs(factor, rows.T, uplo="L")
+def _substituted(factor: Reals, right: Reals, transposed: bool = False) -> Reals:
+    """Solve L x = r or L' x = r with the lower band (b + 1, n) of L, for columns r."""
+    found, info = dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")
     if info:
         raise np.linalg.LinAlgError
     return np.asarray(found, np.float64)
+
+
+def _by_lapack(factor: Reals, rows: Reals) -> Reals:
+    """Solve L x = r for each row r of (m, n); one solution a column."""
+    return _substituted(factor, rows.T)
 
 
 def _compiled() -> Callable[[Reals, Reals], Reals]:

@@ -4,14 +4,16 @@ Best first, as in ``denominators.py``. Each vector of a cone has its own multipl
 are a family, which follows the dual solution through the cone. What a family refutes falls short
 by second order in the width of the cone. The best family of a cone is the solution of a linear
 program, see ``cone_programs.py``. Where it does not reach the target, its dual solution tells
-which pair of vectors to part.
+which pair of vectors to part. A target that takes too long is approached from below.
 """
 
 from __future__ import annotations
 
+import copy
 import heapq
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -99,8 +101,7 @@ def follow_denominators(
     search.explore()
     if not np.isfinite(search.level):
         return FoundDenominators(0.0, None, ())
-    search.run()
-    return search.found(output)
+    return search.run(output)
 
 
 class _Search:
@@ -312,8 +313,8 @@ class _Search:
             multipliers = multipliers - (multipliers @ basis) @ basis.T
         return multipliers
 
-    def run(self) -> None:
-        """Part cones until all are refuted, or time or memory ends.
+    def run(self, output: int) -> FoundDenominators:
+        """Part cones until all are refuted, or time or memory ends; state what is refuted.
 
         Where that takes too long, the search begins again with a low target, which rises. Each time
         all cones are refuted before any is refuted further: the worst one is near the others.
@@ -322,14 +323,16 @@ class _Search:
         if left is not None:
             self._until = Deadline(_AT_ONCE * left)
         self._reach(self._tol)
-        if not self._ended:
-            return
-        self._until = self._deadline
-        if not self._ended:
-            self._begin()
+        closed, self._until = not self._ended, self._deadline
+        if closed or self._ended:
+            return self._found(output)
+        before = copy.copy(self)  # keeps its lists
+        self._begin()
         for share in (*(share for share in _SHARES if share > _NEAR * self._tol), self._tol):
             if not self._ended:
                 self._reach(share)
+        found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
+        return replace(found, best=tuple(self.best))
 
     def _reach(self, share: float) -> None:
         """Refute a target in all cones while time allows, in parts only where their whole fails."""
@@ -379,7 +382,7 @@ class _Search:
             self._file(node._replace(cone=part))
         return first, first + 1
 
-    def found(self, output: int) -> FoundDenominators:
+    def _found(self, output: int) -> FoundDenominators:
         """State what the tree refutes; parts that refute less than their whole are left out."""
         low = self._proved.copy()
         for number in reversed(range(len(low))):

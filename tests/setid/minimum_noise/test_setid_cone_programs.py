@@ -186,17 +186,24 @@ def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
     monkeypatch.setattr(varying._Search, "_ended", property(lambda self: left[0] <= 0))
     search = varying._Search(rows, programs, 0.02, Deadline(60.0))
     search.try_denominator(np.array([1.0, -1.0, 0.0, 0.0]))
-    search.run()
-    before = search.found(0)
+    before = search.run(0)
     assert search._waiting and before.factor < 0.5 * search.level
     left[0] = 200
     search._reach(0.5)
-    after = search.found(0)
+    after = search._found(0)
     assert not search._waiting and left[0] > 100
+    spent = left[0]
+    search._reach(0.5)  # all is known: what is refuted, and what is not
+    assert left[0] == spent
     assert 0.499 * search.level <= after.factor < 0.9 * search.level
+    number = int(np.argmax(np.isfinite(search._proved) & (np.array(search._proved) > 0.1)))
+    known, leaf = search._proved[number], search._leaves[number]
+    nothing = np.zeros((4, programs.y.size - 3))
+    search._keep(number, leaf.powers, ConeBound(0.1, nothing, np.zeros(1), np.full(10, 0.1)))
+    assert search._proved[number] == known and search._leaves[number] is leaf
     left[0] = 10**6
     search._reach(0.02)
-    closed = search.found(0)
+    closed = search._found(0)
     assert 0.979 * search.level <= closed.factor <= search.level
     for found in (after, closed):
         assert found.cells is not None
@@ -209,7 +216,7 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
     rows, shares = rows_of(2), list[float]()
     programs = Programs(rows, longest_stretch(rows.row))
     search = varying._Search(rows, programs, 0.05, Deadline(60.0))
-    search.level, reach = 1.0, varying._Search._reach
+    reach = varying._Search._reach
 
     def slow(self: varying._Search, share: float) -> None:
         shares.append(share)
@@ -221,9 +228,31 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
 
     monkeypatch.setattr(varying._Search, "_reach", slow)
     search.try_denominator(np.real(np.poly(POLES[2])))
-    search.run()
+    found = search.run(0)
     assert shares == [0.05, 0.5, 0.25, 0.125, 0.08, 0.05]
-    assert not search._waiting and search.found(0).factor >= 0.949 * search.level
+    assert not search._waiting and found.factor >= 0.949 * search.level
+
+
+def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows, calls = rows_of(2), list[float]()
+    programs = Programs(rows, longest_stretch(rows.row))
+    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
+    search.try_denominator(np.real(np.poly(POLES[2])))
+    reach = varying._Search._reach
+
+    def once(self: varying._Search, share: float) -> None:
+        calls.append(share)
+        if len(calls) == 1:
+            reach(self, share)
+            self._until = Deadline(0.0)
+
+    monkeypatch.setattr(varying._Search, "_reach", once)
+    found = search.run(0)
+    assert len(calls) > 1 and found.factor >= 0.949 * search.level
+    assert found.cells is not None
+    assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
 
 
 def test_better_denominators_lower_the_target_of_cones_in_the_queue() -> None:
@@ -232,8 +261,7 @@ def test_better_denominators_lower_the_target_of_cones_in_the_queue() -> None:
     search = varying._Search(rows, programs, 0.05, Deadline(60.0))
     search.try_denominator(np.real(np.poly(POLES[3])))
     search.level *= 4.0
-    search.run()
-    assert search.found(0).factor >= 0.949 * search.level
+    assert search.run(0).factor >= 0.949 * search.level
 
 
 @pytest.mark.parametrize("shut", [False, True])
@@ -246,8 +274,7 @@ def test_an_executor_solves_the_programs_of_several_cones(shut: bool) -> None:
             pool.shutdown()
         search = varying._Search(rows, programs, 0.02, Deadline(60.0), pool)
         search.try_denominator(np.real(np.poly(POLES[3])))
-        search.run()
-    found = search.found(0)
+        found = search.run(0)
     assert (search._ahead > 1) != shut and 0.979 * search.level <= found.factor
     assert found.cells is not None
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import warnings
+from concurrent.futures import Executor
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from identification_cases import laboratory_two_first, laboratory_two_second
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import setid
 from setid.minimum_noise.factor import least_factor
 from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.least_noise.noise_scale import attained_factor
 from setid.proofs.least_noise.varying_multipliers import VaryingCells
+from sparsepop_py.executors.processes import Processes
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -235,6 +240,36 @@ def test_long_records_of_noisy_outputs_need_no_box(priors: list[setid.Stable]) -
     assert not replace(found, scale=(high, high)).verify().ok
     assert not replace(found, refuted=(1.2 * high, found.refuted[1])).verify().ok
     assert found.explains is (high <= 1.0)
+
+
+def test_cells_are_searched_with_one_thread_and_the_executor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of least noise and of fits; a fit has no executor."""
+    data, model = hairdryer(150), setid.TransferFunction(1, 1, 3, offset=True)
+    seen = list[tuple[set[int], int]]()
+
+    def seeing(name: str) -> None:
+        module = import_module(name)
+        search = module.least_output_noise
+
+        def least(*arguments: Any) -> Any:
+            threads = {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+            executors = [one for one in arguments if isinstance(one, Executor)]
+            seen.append((threads, len(executors)))
+            return search(*arguments)
+
+        monkeypatch.setattr(module, "least_output_noise", least)
+
+    seeing("setid.consistency")
+    seeing("setid.analysis.fit")
+    settings = setid.Options(time_limit=20.0, tol=0.1, progress=False)
+    with threadpool_limits(2, "blas"), Processes(2) as pool:
+        setid.consistency(
+            data, model, setid.Noise(output=1.0), setid.Stable(), settings, executor=pool
+        )
+        setid.fit(data, model, norm="linf", priors=setid.Stable(), options=settings)
+    assert seen == [({1}, 1), ({1}, 0)]
 
 
 @pytest.mark.parametrize("held", [False, True])
