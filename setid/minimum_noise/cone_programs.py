@@ -20,22 +20,22 @@ so slowly that two parts of the cone are cheaper.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 from math import inf
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky_banded
-from scipy.linalg.lapack import dtbtrs
 
+from setid.minimum_noise import plain_steps
+from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized, paired_columns
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import Cone
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
 
-__all__ = ["ConeBound", "ConePrograms", "solved_cone"]
+__all__ = ["ConeBound", "ConePrograms"]
 
 Reals = NDArray[np.float64]
 _STEPS = 50
@@ -47,6 +47,7 @@ _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
 _OFTEN = 30  # programs of a process: then compiled substitution is worth its loading
 _counter = count()
 _TINY = 1e-300
+_FILL = 8  # columns together, for compiled steps
 
 
 class ConeBound(NamedTuple):
@@ -75,32 +76,31 @@ class _Point:
     """Unknowns of the program, slacks and dual values; also a direction in them."""
 
     multipliers: Reals  # (K, R) lambda
-    filtered: Reals  # (pairs, S) v_j * lambda_k + v_k * lambda_j
-    sizes: Reals  # (pairs, S)
+    sized: Sized
     level: float
     minors: Reals
     slack: Reals  # (pairs,)
-    above: Reals  # (pairs, S) dual of filtered <= sizes
-    below: Reals  # (pairs, S) dual of -filtered <= sizes
-    weights: Reals  # (pairs,) dual of the slacks
+    coupled: Coupled  # weights are dual to the slacks; no level is larger than the dual one
     dual_minors: Reals
-    dual_level: float  # no level is larger, where the dual values are feasible
-
-    def products(self) -> list[tuple[Reals, Reals]]:
-        """Pair what has to be positive with its dual."""
-        return [
-            (self.sizes - self.filtered, self.above),
-            (self.sizes + self.filtered, self.below),
-            (self.slack, self.weights),
-            (self.minors, self.dual_minors),
-        ]
 
     def moved(self, other: _Point, primal: float, dual: float) -> None:
         """Go a part of a direction, in the unknowns and in the dual values."""
-        for name in ("multipliers", "filtered", "sizes", "level", "minors", "slack"):
+        for name in ("multipliers", "level", "minors", "slack"):
             setattr(self, name, getattr(self, name) + primal * getattr(other, name))
-        for name in ("above", "below", "weights", "dual_minors", "dual_level"):
-            setattr(self, name, getattr(self, name) + dual * getattr(other, name))
+        self.dual_minors = self.dual_minors + dual * other.dual_minors
+        parts = zip(self.sized, other.sized, (primal, primal, dual, dual), strict=True)
+        self.sized = Sized(*(now + part * change for now, change, part in parts))
+        now, change = self.coupled, other.coupled
+        self.coupled = Coupled(
+            now.weights + dual * change.weights, now.dual_level + dual * change.dual_level
+        )
+
+    def small(self) -> tuple[Reals, Reals]:
+        """Slacks and minors, and their dual values."""
+        return (
+            np.concatenate([self.slack, self.minors]),
+            np.concatenate([self.coupled.weights, self.dual_minors]),
+        )
 
 
 class ConePrograms:
@@ -114,15 +114,16 @@ class ConePrograms:
     """
 
     def __init__(self, programs: Programs, stable: bool) -> None:
-        self._programs, n = programs, programs.order
+        self.programs, self.stable, n = programs, stable, programs.order
         self._rows = programs.y.size - n
         self._scale = float(programs.bound.sum())
         self._minors = stable and n > 2
-        columns = programs.basis.shape[1]
-        known = np.zeros((n + 1, columns, self._rows, n + 1))
+        known, first = programs.basis.shape[1], len(pairs(n + 1)) + 1
+        self._used = first + (n + 1) * known
+        columns = np.zeros((self._rows, n + 1, -(-self._used // _FILL) * _FILL))
         for k in range(n + 1):
-            known[k, :, :, k] = programs.basis.T
-        self._known = known.reshape((n + 1) * columns, -1)
+            columns[:, k, first + k * known : first + (k + 1) * known] = programs.basis
+        self._columns = columns.reshape(self._rows * (n + 1), -1)
 
     def solve(
         self, cone: Cone, powers: tuple[int, ...], target: float, patience: float = inf
@@ -146,152 +147,98 @@ class ConePrograms:
             minors = hurwitz_minors(cone, powers)
             units = target * self._scale / np.maximum(np.abs(minors).max(axis=1), _TINY)
         program = _Program(
-            self._programs, self._known, vectors, minors * units[:, None], target * self._scale
+            self.programs,
+            self._columns,
+            self._used,
+            vectors,
+            minors * units[:, None],
+            target * self._scale,
         )
         if next(_counter) > _OFTEN:
-            program.substitution = _compiled()
+            program.steps = _compiled()
         with np.errstate(all="ignore"):
             factor, multipliers, shares, weights = program.run(patience)
         return ConeBound(factor / self._scale, multipliers, shares * units, weights)
 
 
-def solved_cone(task: tuple[ConePrograms, Cone, tuple[int, ...], float, float]) -> ConeBound:
-    """Solve the program of a cone, in any process.
-
-    Parameters
-    ----------
-    task : tuple
-        Programs of the record, and the arguments of :meth:`ConePrograms.solve`.
-    """
-    programs, cone, powers, target, patience = task
-    return programs.solve(cone, powers, target, patience)
-
-
 class _Program:
-    """One linear program: a target in a cone. Flat multipliers have those of a row together."""
+    """One linear program: a target in a cone."""
 
     def __init__(
-        self, programs: Programs, known: Reals, vectors: Reals, minors: Reals, target: float
+        self,
+        programs: Programs,
+        columns: Reals,
+        used: int,
+        vectors: Reals,
+        minors: Reals,
+        target: float,
     ) -> None:
-        self._order, self._vectors = programs.order, vectors
-        self.minors, self.target, self.known = minors, target, known
-        self.substitution: Callable[[Reals, Reals], Reals] = _by_lapack
-        self.w = programs.bound / float(programs.bound.sum())
-        self._one, self._two = np.array(pairs(len(vectors))).T
-        self.count, size = self._one.size, len(vectors)
-        self._rows = programs.y.size - self._order
-        joined = np.zeros((self.count, size, size))  # [p, i, k]: of lambda_k i samples ahead
-        every = np.arange(self.count)
-        joined[every, :, self._two] += vectors[self._one]
-        joined[every, :, self._one] += vectors[self._two]
-        self._bands = [
-            np.einsum("pic,pie->ceip", joined[:, : size - d], joined[:, d:]).reshape(
-                size * size, -1
-            )
-            for d in range(size)
-        ]
-        self.needed = self.columns(np.tile(programs.y, (self.count, 1)))
-
-    def filtered(self, multipliers: Reals) -> Reals:
-        """Filter multipliers (K, R) by the vectors, (pairs, S)."""
-        size, samples = len(self._vectors), self.w.size
-        padded = np.zeros((size, samples + size - 1))
-        padded[:, size - 1 : samples] = multipliers
-        shifted = np.stack([padded[:, i : i + samples] for i in range(size)])
-        each = (self._vectors @ shifted.reshape(size, -1)).reshape(size, size, samples)
-        return np.asarray(each[self._one, self._two] + each[self._two, self._one], np.float64)
-
-    def adjoint(self, filtered: Reals) -> Reals:
-        """Transpose :meth:`filtered`, from (pairs, S) to flat (R K,)."""
-        size, rows = len(self._vectors), self._rows
-        each = np.zeros((size, size, self.w.size))
-        each[self._one, self._two] += filtered
-        each[self._two, self._one] += filtered
-        back = (self._vectors.T @ each.reshape(size, -1)).reshape(size, size, -1)
-        found = np.zeros((size, rows))
-        for i in range(size):
-            found += back[i, :, self._order - i : self._order - i + rows]
-        return found.T.ravel()
-
-    def columns(self, filtered: Reals) -> Reals:
-        """Transpose :meth:`filtered` pair by pair, (pairs, R K)."""
-        size, every = len(self._vectors), np.arange(self.count)
-        back = self._windows(filtered)
-        found = np.zeros((self.count, self._rows, size))
-        found[every, :, self._two] += np.einsum("pi,ipr->pr", self._vectors[self._one], back)
-        found[every, :, self._one] += np.einsum("pi,ipr->pr", self._vectors[self._two], back)
-        return found.reshape(self.count, -1)
-
-    def band(self, weights: Reals) -> Reals:
-        """The lower band of F' diag(weights) F, (K K, R K)."""
-        size, back = len(self._vectors), self._windows(weights)
-        found = np.zeros((size, size, self._rows, size))
-        for d, entries in enumerate(self._bands):
-            part = entries @ back[: size - d].reshape(-1, self._rows)
-            table = part.reshape(size, size, -1)
-            for c in range(size):
-                for e in range(c if d == 0 else 0, size):
-                    place = d * size + e - c
-                    found[place // size, place % size, :, c] = table[c, e]
-        return found.reshape(size * size, -1)
-
-    def _windows(self, table: Reals) -> Reals:
-        n = self._order
-        return np.stack([table[:, n - i : n - i + self._rows] for i in range(n + 1)])
+        self.minors, self.used, size = minors, used, len(vectors)
+        self.steps: ModuleType = plain_steps
+        w = programs.bound / float(programs.bound.sum())
+        one, two = np.array(pairs(size)).T
+        self.count = one.size
+        places = np.zeros((size, size), np.int64)
+        places[one, two] = places[two, one] = np.arange(self.count)
+        self.needed = paired_columns(np.tile(programs.y, (self.count, 1)), vectors)
+        columns = columns.copy()
+        columns[:, : self.count] = -self.needed.T
+        self.known = columns[:, self.count + 1 : used]
+        self.fixed = Fixed(w, target, vectors, places, columns)
+        self._rows = programs.y.size - programs.order
 
     def run(self, patience: float) -> tuple[float, Reals, Reals, Reals]:
         """Return the factor, multipliers, shares of minors and dual weights."""
-        at = self._start()
-        best = 0.0, at.multipliers, at.minors, at.weights
+        at, target = self._start(), self.fixed.target
+        best = 0.0, at.multipliers, at.minors, at.coupled.weights
         infeasible, reached = 1.0, list[float]()
         for _ in range(_STEPS):
             try:
-                newton = _Newton(self, at)
-            except (np.linalg.LinAlgError, ValueError):  # as good as singular
+                dual = self._step(at)
+            except np.linalg.LinAlgError:
                 break
-            products = at.products()
-            affine = newton.direction([-one * two for one, two in products])
-            primal, dual = _lengths(at, affine)
-            count = sum(one.size for one, _ in products)
-            mean = sum(float(np.sum(one * two)) for one, two in products) / count
-            turns = affine.products()
-            after = sum(
-                float(np.sum((one + primal * d_one) * (two + dual * d_two)))
-                for (one, two), (d_one, d_two) in zip(products, turns, strict=True)
-            )
-            aim = (after / count / mean) ** 3 * mean
-            step = newton.direction(
-                [
-                    aim - one * two - d_one * d_two
-                    for (one, two), (d_one, d_two) in zip(products, turns, strict=True)
-                ]
-            )
-            primal, dual = (_INSIDE * length for length in _lengths(at, step))
-            at.moved(step, primal, dual)
             infeasible *= 1.0 - dual
             factor = self._factor(at)
             if not np.isfinite(factor):
                 break
             if factor > best[0]:
-                best = factor, at.multipliers, at.minors, at.weights
-            if factor >= self.target * _OVER:
+                best = factor, at.multipliers, at.minors, at.coupled.weights
+            if factor >= target * _OVER:
                 break
-            reached.append(best[0] / self.target)
-            if infeasible < _INFEASIBLE and at.dual_level < _OPEN * self.target:
+            reached.append(best[0] / target)
+            if infeasible < _INFEASIBLE and at.coupled.dual_level < _OPEN * target:
                 break
             if _remaining(reached) > patience:
                 break
-        return (*best[:3], at.weights)
+        return (*best[:3], at.coupled.weights)
+
+    def _step(self, at: _Point) -> float:
+        """Go a step, with a predictor and a corrector; return its part in the dual values."""
+        newton, (slacks, duals) = _Newton(self, at), at.small()
+        nothing = Sized(*np.zeros((4, *at.sized.sizes.shape)))
+        affine = newton.direction(0.0, nothing, np.zeros(slacks.size))
+        turns, dual_turns = affine.point.small()
+        primal, dual = affine.lengths(at)
+        now, forth, back, both = affine.sums
+        after = now + primal * forth + dual * back + primal * dual * both
+        after += float((slacks + primal * turns) @ (duals + dual * dual_turns))
+        now += float(slacks @ duals)
+        count = 2 * at.sized.sizes.size + slacks.size
+        aim = (after / now) ** 3 * now / count
+        step = newton.direction(aim, affine.point.sized, turns * dual_turns)
+        primal, dual = (_INSIDE * length for length in step.lengths(at))
+        at.moved(step.point, primal, dual)
+        return dual
 
     def _factor(self, at: _Point) -> float:
         """The factor that the multipliers refute."""
         value = self.needed @ at.multipliers.T.ravel() - at.minors @ self.minors
-        noise = np.abs(at.filtered) @ self.w
+        noise = np.abs(at.sized.filtered) @ self.fixed.w
         return float(np.min(value / np.maximum(noise, _TINY)))
 
     def _start(self) -> _Point:
         """Begin with all products of a size near the least of them."""
-        count, target, w = self.count, self.target, self.w
+        count, target, w = self.count, self.fixed.target, self.fixed.w
         shape = count, w.size
         sizes, weights = np.full(shape, 1.0 / count), np.full(count, 1.0 / count)
         mean = 0.5 * float(w.mean()) * target / count**2
@@ -302,138 +249,130 @@ class _Program:
         found = -target * (sizes @ w) - minors @ self.minors - level
         above = np.tile(0.5 * target / count * w, (count, 1))
         return _Point(
-            np.zeros((len(self._vectors), self._rows)),
-            np.zeros(shape),
-            sizes,
+            np.zeros((len(self.fixed.vectors), self._rows)),
+            Sized(sizes, np.zeros(shape), above, above.copy()),
             level,
             minors,
             np.maximum(found, slack),
-            above,
-            above.copy(),
-            weights,
+            Coupled(weights, 0.0),
             dual_minors,
-            0.0,
         )
+
+
+class _Direction(NamedTuple):
+    """A direction, with the quotients and sums of ``plain_steps.backward``."""
+
+    point: _Point
+    least: Reals
+    sums: Reals
+
+    def lengths(self, at: _Point) -> tuple[float, float]:
+        """Steps to the boundary, at most 1, in the unknowns and in the dual values."""
+        least = self.least
+        if at.slack.size:
+            pairs_ = zip(self.point.small(), at.small(), strict=True)
+            least = np.minimum(least, [np.min(change / now) for change, now in pairs_])
+        primal, dual = (min(1.0, -1.0 / value) if value < 0.0 else 1.0 for value in least.tolist())
+        return primal, dual
 
 
 class _Newton:
     """Directions from one point: the matrix is factored once.
 
-    With slacks u, v = sizes -+ filtered and their duals a, b, sizes leave by the diagonal matrix
-    a / u + b / v. The multipliers then have the banded matrix F' diag(4 / (u / a + v / b)) F,
-    where F filters. Its factor takes them out as well. Pairs, the sum of sizes, the known
+    Sizes and multipliers are eliminated in ``plain_steps.py``. Pairs, the sum of sizes, the known
     columns, the level and the minors are left, some thirty unknowns.
     """
 
     def __init__(self, program: _Program, at: _Point) -> None:
         self._program, self._at = program, at
-        w, target = program.w, program.target
-        self._down, self._up = at.sizes - at.filtered, at.sizes + at.filtered
-        one, two = at.above / self._down, at.below / self._up
-        self._sum, self._difference = one + two, one - two
-        self._skew = self._difference / self._sum
-        band = program.band(4.0 * one * two / self._sum)
-        self._factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=True)
-        spread = w * self._skew
-        rows = np.vstack(
-            [
-                target * program.columns(spread) - program.needed,
-                program.adjoint(spread)[None],
-                program.known,
-            ]
-        )
-        self._columns = program.substitution(self._factor, rows)
-        self._inner = self._columns.T @ self._columns
-        self._curve = (w * w / self._sum).sum(axis=1)
-        self._loss = program.adjoint(at.above - at.below) - at.weights @ program.needed
-        self._size_loss = (target * at.weights[:, None] + at.dual_level) * w - at.above - at.below
+        self._reduced = program.steps.eliminated(at.sized, program.fixed)
+        if not self._reduced.fine:
+            raise np.linalg.LinAlgError
+        columns = self._reduced.columns
+        self._inner = (columns.T @ columns)[: program.used, : program.used]
+        self._loss = -(at.coupled.weights @ program.needed)
+        self._gap = program.needed @ at.multipliers.T.ravel() - at.minors @ program.minors
+        self._gap -= program.fixed.target * (at.sized.sizes @ program.fixed.w) + at.level
+        self._unknown = at.multipliers.T.ravel() @ program.known
         self._matrix = self._small()
-
-    def _forward(self, column: Reals, transposed: bool = False) -> Reals:
-        return _substituted(self._factor, column, transposed)
 
     def _small(self) -> Reals:
         """The matrix of pairs, sizes, known columns, level and minors."""
         program, at, pairs_ = self._program, self._at, self._program.count
-        minors, target = program.minors, program.target
-        inner = len(self._inner)
+        minors, target, curve = program.minors, program.fixed.target, self._reduced.curve
+        inner = program.used
         found = np.zeros((inner + 1 + len(minors),) * 2)
         found[:inner, :inner] = self._inner
         every = np.arange(pairs_)
-        found[every, every] += target**2 * self._curve + at.slack / at.weights
-        found[:pairs_, pairs_] += target * self._curve
-        found[pairs_, :pairs_] += target * self._curve
-        found[pairs_, pairs_] += self._curve.sum()
+        found[every, every] += target**2 * curve + at.slack / at.coupled.weights
+        found[:pairs_, pairs_] += target * curve
+        found[pairs_, :pairs_] += target * curve
+        found[pairs_, pairs_] += curve.sum()
         found[:pairs_, inner], found[inner, :pairs_] = -1.0, -1.0
         found[:pairs_, inner + 1 :], found[inner + 1 :, :pairs_] = -minors.T, -minors
         late = inner + 1 + np.arange(len(minors))
         found[late, late] = -at.dual_minors / at.minors
         return found
 
-    def direction(self, aims: list[Reals]) -> _Point:
-        """Step such that products of slacks and duals change by ``aims`` in first order."""
-        program, at, w = self._program, self._at, self._program.w
-        target, minors, pairs_ = program.target, program.minors, program.count
-        first, second = aims[0] / self._down, aims[1] / self._up
-        size = first + second - self._size_loss
-        drive = self._forward(program.adjoint(first - second - self._skew * size) + self._loss)
-        inner = -(self._columns.T @ drive)
-        moved = (w * size / self._sum).sum(axis=1)
-        flat = at.multipliers.T.ravel()
-        gap = program.needed @ flat - target * (at.sizes @ w) - at.minors @ minors - at.level
+    def direction(self, aim: float, before: Sized, products: Reals) -> _Direction:
+        """Step such that products of slacks and duals become ``aim`` in first order.
+
+        Parameters
+        ----------
+        aim : float
+        before : Sized
+            A direction whose products of second order are taken off.
+        products : (pairs + minors,) float
+            Those of the slacks of pairs and of the minors.
+        """
+        program, at, fixed = self._program, self._at, self._program.fixed
+        pairs_, used, weights = program.count, program.used, at.coupled.weights
+        one, two = at.small()
+        aims = aim - one * two - products
+        half = program.steps.forward(
+            aim, at.sized, before, at.coupled, fixed, self._reduced, self._loss
+        )
+        columns = self._reduced.columns
+        inner = -(half.drive @ columns)
+        total = float((at.sized.sizes @ fixed.w).sum())
         right = np.concatenate(
             [
-                inner[:pairs_] + target * moved + aims[2] / at.weights - (gap - at.slack),
-                [inner[pairs_] + moved.sum() + float((at.sizes @ w).sum()) - 1.0],
-                inner[pairs_ + 1 :] + program.known @ flat,
-                [at.weights.sum() - 1.0],
-                minors @ at.weights - at.dual_minors - aims[3] / at.minors,
+                inner[:pairs_]
+                + fixed.target * half.moved
+                + aims[:pairs_] / weights
+                - (self._gap - at.slack),
+                [inner[pairs_] + half.moved.sum() + total - 1.0],
+                inner[pairs_ + 1 : used] + self._unknown,
+                [weights.sum() - 1.0],
+                program.minors @ weights - at.dual_minors - aims[pairs_:] / at.minors,
             ]
         )
         solved = np.linalg.solve(self._matrix, right)
-        count = len(self._inner)
-        weights, dual_level = solved[:pairs_], float(solved[pairs_])
-        level, shares = float(solved[count]), solved[count + 1 :]
-        back = self._forward(drive + self._columns @ solved[:count], transposed=True)
-        multipliers = -back.reshape(-1, len(at.multipliers)).T
-        filtered = program.filtered(multipliers)
-        pull = (target * weights[:, None] + dual_level) * w
-        sizes = (size - pull + self._difference * filtered) / self._sum
-        return _Point(
+        change = Coupled(solved[:pairs_], float(solved[pairs_]))
+        level, shares = float(solved[used]), solved[used + 1 :]
+        drive = half.drive + columns[:, :used] @ solved[:used]
+        multipliers, sized, least, sums = program.steps.backward(
+            drive, half, at.sized, change, fixed, self._reduced
+        )
+        point = _Point(
             multipliers,
-            filtered,
-            sizes,
+            sized,
             level,
             shares,
-            (aims[2] - at.slack * weights) / at.weights,
-            (aims[0] - at.above * (sizes - filtered)) / self._down,
-            (aims[1] - at.below * (sizes + filtered)) / self._up,
-            weights,
-            (aims[3] - at.dual_minors * shares) / at.minors,
-            dual_level,
+            (aims[:pairs_] - at.slack * change.weights) / weights,
+            change,
+            (aims[pairs_:] - at.dual_minors * shares) / at.minors,
         )
+        return _Direction(point, least, sums)
 
 
-def _substituted(factor: Reals, right: Reals, transposed: bool = False) -> Reals:
-    """Solve L x = r or L' x = r with the lower band (b + 1, n) of L, for columns r."""
-    found, info = dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")
-    if info:
-        raise np.linalg.LinAlgError
-    return np.asarray(found, np.float64)
-
-
-def _by_lapack(factor: Reals, rows: Reals) -> Reals:
-    """Solve L x = r for each row r of (m, n); one solution a column."""
-    return _substituted(factor, rows.T)
-
-
-def _compiled() -> Callable[[Reals, Reals], Reals]:
-    """The same compiled by numba, which reads the factor once; LAPACK's where numba is missing."""
+def _compiled() -> ModuleType:
+    """Steps compiled by numba, which read factors once; by LAPACK where numba is missing."""
     try:
-        from setid.minimum_noise.compiled_forward import forward
+        from setid.minimum_noise import compiled_steps
     except ImportError:
-        return _by_lapack
-    return forward
+        return plain_steps
+    return compiled_steps
 
 
 def _remaining(reached: list[float]) -> float:
@@ -442,14 +381,3 @@ def _remaining(reached: list[float]) -> float:
         return 0.0
     rate = (reached[-1] - reached[-1 - _LOOK]) / _LOOK
     return (1.0 - reached[-1]) / rate if rate > 0.0 else inf
-
-
-def _lengths(at: _Point, step: _Point) -> tuple[float, float]:
-    """Steps to the boundary, at most 1, in the unknowns and in the dual values."""
-    least = [0.0, 0.0]
-    for now, change in zip(at.products(), step.products(), strict=True):
-        for side in range(2):
-            if now[side].size:
-                least[side] = min(least[side], float(np.min(change[side] / now[side])))
-    primal, dual = (min(1.0, -1.0 / value) if value < 0.0 else 1.0 for value in least)
-    return primal, dual

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import cholesky_banded
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import setid
-from setid.minimum_noise import cone_programs, varying
+from setid.minimum_noise import cone_programs, plain_steps, varying
+from setid.minimum_noise.attained_noise import AttainedNoise
+from setid.minimum_noise.cone_nodes import Examined
 from setid.minimum_noise.cone_programs import ConeBound, ConePrograms
+from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.programs import Programs, longest_stretch
 from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
@@ -27,6 +31,7 @@ from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.processes import Processes
 
+Reals = NDArray[np.float64]
 POLES = {1: [0.6], 2: [0.7 + 0.2j, 0.7 - 0.2j], 3: [0.9, 0.5 + 0.4j, 0.5 - 0.4j]}
 
 
@@ -162,6 +167,16 @@ def test_a_search_closes_from_random_denominators(order: int) -> None:
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
 
 
+def search_of(
+    rows: OutputRows, denominator: Reals, tol: float, executor: Executor | None = None
+) -> varying._Search:
+    """A search that knows one denominator."""
+    programs = Programs(rows, longest_stretch(rows.row))
+    attained = AttainedNoise(programs, rows.stable)
+    attained.try_denominator(denominator)
+    return varying._Search(rows, programs, attained, tol, Deadline(60.0), executor)
+
+
 def wandering() -> OutputRows:
     """Outputs that are a random walk: no model of order 3 explains them."""
     random = np.random.default_rng(1)
@@ -184,10 +199,9 @@ def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
 
     monkeypatch.setattr(ConePrograms, "solve", counted)
     monkeypatch.setattr(varying._Search, "_ended", property(lambda self: left[0] <= 0))
-    search = varying._Search(rows, programs, 0.02, Deadline(60.0))
-    search.try_denominator(np.array([1.0, -1.0, 0.0, 0.0]))
+    search = search_of(rows, np.array([1.0, -1.0, 0.0, 0.0]), 0.02)
     before = search.run(0)
-    assert search._waiting and before.factor < 0.5 * search.level
+    assert search._waiting and before.factor < 0.5 * search._attained.level
     left[0] = 200
     search._reach(0.5)
     after = search._found(0)
@@ -195,16 +209,17 @@ def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
     spent = left[0]
     search._reach(0.5)  # all is known: what is refuted, and what is not
     assert left[0] == spent
-    assert 0.499 * search.level <= after.factor < 0.9 * search.level
+    assert 0.499 * search._attained.level <= after.factor < 0.9 * search._attained.level
     number = int(np.argmax(np.isfinite(search._proved) & (np.array(search._proved) > 0.1)))
     known, leaf = search._proved[number], search._leaves[number]
     nothing = np.zeros((4, programs.y.size - 3))
-    search._keep(number, leaf.powers, ConeBound(0.1, nothing, np.zeros(1), np.full(10, 0.1)))
+    less = ConeBound(0.1, nothing, np.zeros(1), np.full(10, 0.1))
+    search._keep(number, Examined(search._nodes[number], None, leaf.powers, less, None, 1.0), 0.9)
     assert search._proved[number] == known and search._leaves[number] is leaf
     left[0] = 10**6
     search._reach(0.02)
     closed = search._found(0)
-    assert 0.979 * search.level <= closed.factor <= search.level
+    assert 0.979 * search._attained.level <= closed.factor <= search._attained.level
     for found in (after, closed):
         assert found.cells is not None
         assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
@@ -214,8 +229,7 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rows, shares = rows_of(2), list[float]()
-    programs = Programs(rows, longest_stretch(rows.row))
-    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
+    search = search_of(rows, np.real(np.poly(POLES[2])), 0.05)
     reach = varying._Search._reach
 
     def slow(self: varying._Search, share: float) -> None:
@@ -227,19 +241,16 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
         return None
 
     monkeypatch.setattr(varying._Search, "_reach", slow)
-    search.try_denominator(np.real(np.poly(POLES[2])))
     found = search.run(0)
     assert shares == [0.05, 0.5, 0.25, 0.125, 0.08, 0.05]
-    assert not search._waiting and found.factor >= 0.949 * search.level
+    assert not search._waiting and found.factor >= 0.949 * search._attained.level
 
 
 def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rows, calls = rows_of(2), list[float]()
-    programs = Programs(rows, longest_stretch(rows.row))
-    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
-    search.try_denominator(np.real(np.poly(POLES[2])))
+    search = search_of(rows, np.real(np.poly(POLES[2])), 0.05)
     reach = varying._Search._reach
 
     def once(self: varying._Search, share: float) -> None:
@@ -250,45 +261,124 @@ def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
 
     monkeypatch.setattr(varying._Search, "_reach", once)
     found = search.run(0)
-    assert len(calls) > 1 and found.factor >= 0.949 * search.level
+    assert len(calls) > 1 and found.factor >= 0.949 * search._attained.level
     assert found.cells is not None
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
 
 
 def test_better_denominators_lower_the_target_of_cones_in_the_queue() -> None:
     rows = rows_of(3)
-    programs = Programs(rows, longest_stretch(rows.row))
-    search = varying._Search(rows, programs, 0.05, Deadline(60.0))
-    search.try_denominator(np.real(np.poly(POLES[3])))
-    search.level *= 4.0
-    assert search.run(0).factor >= 0.949 * search.level
+    search = search_of(rows, np.real(np.poly(POLES[3])), 0.05)
+    search._attained.level *= 4.0
+    assert search.run(0).factor >= 0.949 * search._attained.level
 
 
 @pytest.mark.parametrize("shut", [False, True])
-def test_an_executor_solves_the_programs_of_several_cones(shut: bool) -> None:
+@pytest.mark.parametrize("kind", [Processes, ThreadPoolExecutor])
+def test_an_executor_solves_the_programs_of_several_cones(kind: type[Executor], shut: bool) -> None:
     """One that is shut down takes no tasks: they are solved here."""
     rows = rows_of(3)
-    programs = Programs(rows, longest_stretch(rows.row))
-    with Processes(2) as pool:
+    with kind(2) as pool:  # type: ignore[call-arg]
         if shut:
             pool.shutdown()
-        search = varying._Search(rows, programs, 0.02, Deadline(60.0), pool)
-        search.try_denominator(np.real(np.poly(POLES[3])))
+        search = search_of(rows, np.real(np.poly(POLES[3])), 0.02, pool)
         found = search.run(0)
-    assert (search._ahead > 1) != shut and 0.979 * search.level <= found.factor
+    assert (search._ahead > 1) != shut and 0.979 * search._attained.level <= found.factor
     assert found.cells is not None
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
 
 
-def test_substitution_is_the_same_compiled_and_by_lapack(monkeypatch: pytest.MonkeyPatch) -> None:
-    random = np.random.default_rng(3)
-    band = np.vstack([np.full(40, 9.0), random.standard_normal((5, 40))])
-    factor, rows = cholesky_banded(band, lower=True), random.standard_normal((7, 40))
-    whole = sum(np.diag(factor[d, : 40 - d], -d) for d in range(6))
-    for substitution in (cone_programs._by_lapack, cone_programs._compiled()):
-        np.testing.assert_allclose(whole @ substitution(factor, rows), rows.T, atol=1e-12)
-    monkeypatch.setitem(sys.modules, "setid.minimum_noise.compiled_forward", None)
-    assert cone_programs._compiled() is cone_programs._by_lapack
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
+    """From a random point inside, for each function; the factor itself is stored differently."""
+    compiled, random, size, samples = (
+        cone_programs._compiled(),
+        np.random.default_rng(3),
+        order + 1,
+        40,
+    )
+    one, two = np.triu_indices(size)
+    places, rows = np.zeros((size, size), np.int64), (samples - order) * size
+    places[one, two] = places[two, one] = np.arange(one.size)
+    columns = np.zeros((rows, 8 * (size + 1)))
+    columns[:, : 8 * size - 3] = random.standard_normal((rows, 8 * size - 3))
+    w, vectors = random.uniform(0.5, 1.5, samples), random.standard_normal((size, size))
+    fixed, shape = Fixed(w / w.sum(), 3.0, vectors, places, columns), (one.size, samples)
+    at = Sized(
+        random.uniform(1.0, 2.0, shape),
+        random.uniform(-0.9, 0.9, shape),
+        *random.uniform(0.1, 9.0, (2, *shape)),
+    )
+    before, now = (
+        Sized(*random.standard_normal((4, *shape))),
+        Coupled(vectors.ravel()[: one.size], 0.7),
+    )
+    change, loss = Coupled(random.standard_normal(one.size), -0.3), random.standard_normal(rows)
+    found = []
+    for steps in (plain_steps, compiled):
+        reduced = steps.eliminated(at, fixed)
+        half = steps.forward(0.2, at, before, now, fixed, reduced, loss)
+        whole = steps.backward(half.drive.copy(), half, at, change, fixed, reduced)
+        assert reduced.fine
+        kept = reduced.total, reduced.skew, reduced.columns, reduced.curve
+        found.append([*kept, *half, whole[0], *whole[1], *whole[2:]])
+    assert compiled is not plain_steps
+    for plain, fast in zip(*found, strict=True):
+        np.testing.assert_allclose(fast, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
+
+
+def test_steps_eliminate_as_dense_matrices_do() -> None:
+    """The filters as a dense matrix, by numpy.convolve."""
+    random, size, samples = np.random.default_rng(4), 3, 12
+    one, two = np.triu_indices(size)
+    places, rows = np.zeros((size, size), np.int64), samples - size + 1
+    places[one, two] = places[two, one] = np.arange(one.size)
+    vectors, shape = random.standard_normal((size, size)), (one.size, samples)
+    dense = np.zeros((*shape, rows, size))
+    for (p, (j, k)), r in product(enumerate(zip(one, two, strict=True)), range(rows)):
+        unit = np.eye(rows)[r]
+        dense[p, :, r, k] += np.convolve(vectors[j][::-1], unit)
+        dense[p, :, r, j] += np.convolve(vectors[k][::-1], unit)
+    flat = dense.reshape(*shape, -1)
+    w = np.full(samples, 1.0 / samples)
+    fixed = Fixed(w, 3.0, vectors, places, np.zeros((rows * size, 8)))
+    at = Sized(
+        random.uniform(1.0, 2.0, shape),
+        random.uniform(-0.9, 0.9, shape),
+        *random.uniform(0.1, 9.0, (2, *shape)),
+    )
+    down, up = at.above / (at.sizes - at.filtered), at.below / (at.sizes + at.filtered)
+    matrix = np.einsum("psi,ps,psj->ij", flat, 4.0 * down * up / (down + up), flat)
+    spread = np.einsum("psi,ps->pi", flat, w * (down - up) / (down + up))
+    for steps in (plain_steps, cone_programs._compiled()):
+        reduced = steps.eliminated(at, fixed)
+        right = np.column_stack([3.0 * spread.T, spread.sum(axis=0)])
+        products = right.T @ np.linalg.solve(matrix, right)
+        solved = reduced.columns[:, : len(products)]
+        np.testing.assert_allclose(solved.T @ solved, products, rtol=1e-9)
+        nothing = Sized(*np.zeros((4, *shape)))
+        now, loss = Coupled(np.zeros(one.size), 0.0), random.standard_normal(rows * size)
+        half = steps.forward(0.0, at, nothing, now, fixed, reduced, loss)
+        multipliers, step, _, _ = steps.backward(half.drive, half, at, now, fixed, reduced)
+        wanted = -np.linalg.solve(matrix, loss).reshape(rows, size).T
+        np.testing.assert_allclose(multipliers, wanted, rtol=1e-8)
+        np.testing.assert_allclose(step.filtered, flat @ wanted.T.ravel(), rtol=1e-8, atol=1e-12)
+
+
+def test_steps_say_where_a_matrix_is_singular() -> None:
+    """Vectors of zeros filter nothing."""
+    fixed = Fixed(
+        np.full(9, 1 / 9), 1.0, np.zeros((2, 2)), np.array([[0, 1], [1, 2]]), np.zeros((16, 8))
+    )
+    at = Sized(np.ones((3, 9)), *np.zeros((1, 3, 9)), *np.ones((2, 3, 9)))
+    for steps in (plain_steps, cone_programs._compiled()):
+        assert not steps.eliminated(at, fixed).fine
+
+
+def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "setid.minimum_noise.compiled_steps", None)
+    monkeypatch.delattr("setid.minimum_noise.compiled_steps", raising=False)
+    assert cone_programs._compiled() is plain_steps
 
 
 def test_programs_that_come_slowly_are_left() -> None:

@@ -1,0 +1,292 @@
+"""Steps of the linear program of a cone, compiled by numba.
+
+The same functions as in ``plain_steps.py``. What is made of an entry is made in one pass, and the
+banded factor is read once for all right-hand sides. Row i of an array of the factor holds column i
+of its lower band, padded to whole vectors, with the inverse of the diagonal entry. Python's lock is
+free meanwhile.
+"""
+
+# mypy: disallow-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from setid.minimum_noise.plain_steps import Half, Reduced, Sized
+from sparsepop_py.solvers.cliquetree.kernels.machine import (
+    LANES,
+    WORD,
+    filled,
+    jit,
+    load,
+    spread,
+    store,
+    total,
+)
+
+__all__ = ["backward", "eliminated", "forward"]
+
+_BLOCK = LANES * WORD
+
+
+@jit
+def eliminated(at, fixed):
+    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
+    w, size = fixed.w, len(fixed.vectors)
+    both, skew, middle = _ratios(at)
+    factor = _band(middle, fixed.vectors, fixed.places)
+    count = (w.size - size + 1) * size
+    fine = _factored(factor, count, np.zeros(2 * factor.shape[1]))
+    columns = fixed.columns.copy()
+    curve = np.zeros(len(both))
+    for p in range(len(both)):
+        whole = both[p]
+        for i in range(w.size):
+            curve[p] += w[i] * w[i] / whole[i]
+    if fine:
+        _gather(columns, skew, fixed)
+        _substitute(factor, columns, count)
+    return Reduced(fine, both, skew, factor, columns, curve)
+
+
+@jit
+def forward(aim, at, step, now, fixed, reduced, loss):
+    """Solve for half of a direction in which products of slacks and duals become ``aim``."""
+    shape, w = at.sizes.shape, fixed.w
+    first, second, sizes = np.empty(shape), np.empty(shape), np.empty(shape)
+    push, moved = np.empty(shape), np.zeros(shape[0])
+    for p in range(shape[0]):
+        level = fixed.target * now.weights[p] + now.dual_level
+        for i in range(shape[1]):
+            size, inside = at.sizes[p, i], at.filtered[p, i]
+            turn, shift = step.sizes[p, i], step.filtered[p, i]
+            one = (aim - (turn - shift) * step.above[p, i]) / (size - inside)
+            two = (aim - (turn + shift) * step.below[p, i]) / (size + inside)
+            gain = one + two - level * w[i]
+            first[p, i], second[p, i], sizes[p, i] = one, two, gain
+            push[p, i] = one - two - reduced.skew[p, i] * gain
+            moved[p] += w[i] * gain / reduced.total[p, i]
+    count, width = loss.size, reduced.factor.shape[1]
+    drive = np.zeros(count + width)
+    drive[:count] = loss
+    _transpose(drive, push, fixed)
+    base, start = reduced.factor.ctypes.data, drive.ctypes.data
+    for i in range(count):
+        value = drive[i] * reduced.factor[i, 0]
+        by = filled(value)
+        for v in range(0, width * WORD, _BLOCK):
+            to = start + i * WORD + v
+            store(to, load(to) - by * load(base + i * width * WORD + v))
+        drive[i] = value
+    return Half(first, second, sizes, moved, drive[:count])
+
+
+@jit
+def backward(right, half, at, change, fixed, reduced):
+    """Solve for the other half of a direction."""
+    shape, w, size = at.sizes.shape, fixed.w, len(fixed.vectors)
+    n, rows = size - 1, w.size - size + 1
+    solved = _substitute_back(reduced.factor, right)
+    padded = np.zeros((size, w.size + n))
+    for c in range(size):
+        for r in range(rows):
+            padded[c, n + r] = -solved[r * size + c]
+    filtered = _filter(padded, fixed)
+    sizes, above, below = np.empty(shape), np.empty(shape), np.empty(shape)
+    least, sums = np.zeros(2), np.zeros(4)
+    for p in range(shape[0]):
+        level = fixed.target * change.weights[p] + change.dual_level
+        primal, dual = 0.0, 0.0
+        for i in range(shape[1]):
+            inside = filtered[p, i]
+            turn = (half.size[p, i] - level * w[i]) / reduced.total[p, i]
+            turn += reduced.skew[p, i] * inside
+            down, up = at.sizes[p, i] - at.filtered[p, i], at.sizes[p, i] + at.filtered[p, i]
+            u, v = at.above[p, i], at.below[p, i]
+            less, more = (turn - inside) / down, (turn + inside) / up
+            x, y = half.first[p, i] - u - u * less, half.second[p, i] - v - v * more
+            sizes[p, i], above[p, i], below[p, i] = turn, x, y
+            primal = min(primal, min(less, more))
+            dual = min(dual, min(x / u, y / v))
+            sums[0] += down * u + up * v
+            sums[1] += (turn - inside) * u + (turn + inside) * v
+            sums[2] += down * x + up * y
+            sums[3] += (turn - inside) * x + (turn + inside) * y
+        least[0], least[1] = min(least[0], primal), min(least[1], dual)
+    return padded[:, n : n + rows].copy(), Sized(sizes, filtered, above, below), least, sums
+
+
+@jit
+def _ratios(at):
+    """The diagonal of sizes, its skew part, and the weights that it leaves to the filters."""
+    shape = at.sizes.shape
+    both, skew, weights = np.empty(shape), np.empty(shape), np.empty(shape)
+    for p in range(shape[0]):
+        for i in range(shape[1]):
+            one = at.above[p, i] / (at.sizes[p, i] - at.filtered[p, i])
+            two = at.below[p, i] / (at.sizes[p, i] + at.filtered[p, i])
+            whole = one + two
+            both[p, i], skew[p, i] = whole, (one - two) / whole
+            weights[p, i] = 4.0 * one * two / whole
+    return both, skew, weights
+
+
+@jit
+def _band(weights, vectors, places):
+    """The lower band of F' diag(weights) F."""
+    size = len(vectors)
+    rows = weights.shape[1] - size + 1
+    width = (size * size + LANES - 1) // LANES * LANES
+    found, sums = np.zeros(((rows + size) * size, width)), np.empty(rows)
+    for c in range(size):
+        for e in range(size):
+            for d in range(1 if e < c else 0, size):
+                sums[:] = 0.0
+                if c != e:
+                    _add(sums, vectors[e], vectors[c], d, weights[places[c, e]], 1.0)
+                else:
+                    for k in range(size):
+                        by = 4.0 if k == c else 1.0
+                        _add(sums, vectors[k], vectors[k], d, weights[places[c, k]], by)
+                place = d * size + e - c
+                for r in range(rows - d):
+                    found[r * size + c, place] = sums[r]
+    return found
+
+
+@jit
+def _add(sums, one, two, lag, weights, by):
+    """Add weighted products of two filters, the second one ``lag`` rows behind."""
+    n = one.size - 1
+    for i in range(one.size - lag):
+        factor, row = by * one[i] * two[i + lag], weights[n - i : n - i + sums.size]
+        for r in range(sums.size):
+            sums[r] += factor * row[r]
+
+
+@jit
+def _gather(columns, skew, fixed):
+    """Add what sizes leave in the columns of pairs, and of the sum of sizes."""
+    size, pairs, w = len(fixed.vectors), len(skew), fixed.w
+    n, rows = size - 1, w.size - size + 1
+    sums = np.empty(rows)
+    for c in range(size):
+        for k in range(size):
+            p, by = fixed.places[c, k], 2.0 if c == k else 1.0
+            sums[:] = 0.0
+            for i in range(size):
+                factor = by * fixed.vectors[k, i]
+                row, noise = skew[p, n - i : n - i + rows], w[n - i : n - i + rows]
+                for r in range(rows):
+                    sums[r] += factor * noise[r] * row[r]
+            for r in range(rows):
+                columns[r * size + c, p] += fixed.target * sums[r]
+                columns[r * size + c, pairs] += sums[r]
+
+
+@jit
+def _transpose(drive, push, fixed):
+    """Add the transposed filters of (pairs, S) to flat multipliers."""
+    size = len(fixed.vectors)
+    n, rows = size - 1, push.shape[1] - size + 1
+    sums = np.empty(rows)
+    for c in range(size):
+        sums[:] = 0.0
+        for k in range(size):
+            p, by = fixed.places[c, k], 2.0 if c == k else 1.0
+            for i in range(size):
+                factor, row = by * fixed.vectors[k, i], push[p, n - i : n - i + rows]
+                for r in range(rows):
+                    sums[r] += factor * row[r]
+        for r in range(rows):
+            drive[r * size + c] += sums[r]
+
+
+@jit
+def _filter(padded, fixed):
+    """Filter multipliers, padded at both ends, by the vectors."""
+    vectors, samples = fixed.vectors, fixed.w.size
+    size = len(vectors)
+    found = np.zeros((size * (size + 1) // 2, samples))
+    for j in range(size):
+        for k in range(j, size):
+            mine = found[fixed.places[j, k]]
+            for i in range(size):
+                one, two = vectors[j, i], vectors[k, i]
+                first, second = padded[k, i : i + samples], padded[j, i : i + samples]
+                for s in range(samples):
+                    mine[s] += one * first[s] + two * second[s]
+    return found
+
+
+@jit
+def _factored(band, count, column):
+    """Factor in place, with room for a column; return False where it is not positive definite."""
+    width = band.shape[1]
+    vectors = width // LANES
+    start, own = band.ctypes.data, column.ctypes.data
+    for j in range(count):
+        here, diagonal = start + j * width * WORD, band[j, 0]
+        if not diagonal > 0.0:
+            return False
+        inverse = 1.0 / np.sqrt(diagonal)
+        by = filled(inverse)
+        for v in range(0, vectors * _BLOCK, _BLOCK):
+            scaled = load(here + v) * by
+            store(here + v, scaled)
+            store(own + v, scaled)
+        band[j, 0] = inverse
+        for a in range(1, width):
+            factor = spread(own + a * WORD)
+            row, shifted = here + a * width * WORD, own + a * WORD
+            for v in range(0, (vectors - a // LANES) * _BLOCK, _BLOCK):
+                store(row + v, load(row + v) - factor * load(shifted + v))
+    return True
+
+
+@jit
+def _substitute(factor, right, count):
+    """Solve L X = R in place, for the rows of R; each is whole vectors wide."""
+    step, line = (factor.shape[1] - 1) * WORD, right.shape[1] * WORD
+    base, start = factor.ctypes.data, right.ctypes.data
+    for i in range(count):
+        reach, mine = min(i, factor.shape[1] - 1), start + i * line
+        own = base + i * (step + WORD)
+        inverse, v = spread(own), 0
+        while v + 4 * _BLOCK <= line:  # four vectors at once
+            to = mine + v
+            a, b = load(to), load(to + _BLOCK)
+            c, d = load(to + 2 * _BLOCK), load(to + 3 * _BLOCK)
+            entry, other = own, to
+            for _ in range(reach):
+                entry, other = entry - step, other - line
+                x = spread(entry)
+                a, b = a - x * load(other), b - x * load(other + _BLOCK)
+                c, d = c - x * load(other + 2 * _BLOCK), d - x * load(other + 3 * _BLOCK)
+            store(to, a * inverse)
+            store(to + _BLOCK, b * inverse)
+            store(to + 2 * _BLOCK, c * inverse)
+            store(to + 3 * _BLOCK, d * inverse)
+            v += 4 * _BLOCK
+        while v < line:
+            to = mine + v
+            a, entry, other = load(to), own, to
+            for _ in range(reach):
+                entry, other = entry - step, other - line
+                a = a - spread(entry) * load(other)
+            store(to, a * inverse)
+            v += _BLOCK
+
+
+@jit
+def _substitute_back(factor, right):
+    """Solve L' x = r."""
+    count, width = right.size, factor.shape[1]
+    solved = np.zeros(count + width)
+    base, start = factor.ctypes.data, solved.ctypes.data
+    for i in range(count - 1, -1, -1):
+        behind, entries = start + i * WORD, base + i * width * WORD
+        known = load(behind) * load(entries)  # the unknown itself is still 0
+        for v in range(_BLOCK, width * WORD, _BLOCK):
+            known = known + load(behind + v) * load(entries + v)
+        solved[i] = (right[i] - total(known)) * factor[i, 0]
+    return solved

@@ -1,0 +1,259 @@
+"""Steps of the linear program of a cone, by numpy and LAPACK.
+
+The notation is that of ``cone_programs.py``. The slacks u, v = sizes -+ filtered with their duals
+a, b leave a step by the diagonal matrix a / u + b / v. The multipliers then have the banded matrix
+F' diag(4 / (u / a + v / b)) F, where F filters. Flat multipliers have those of a row together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
+
+__all__ = ["Coupled", "Fixed", "Half", "Reduced", "Sized", "backward", "eliminated", "forward"]
+__all__ += ["paired_columns"]
+
+Reals = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Fixed(NamedTuple):
+    """What is the same in all steps.
+
+    Parameters
+    ----------
+    w : (S,) float
+        Noise bounds, of sum 1.
+    target : float
+    vectors : (K, K) float
+    places : (K, K) int
+        Number of the pair of two vectors.
+    columns : (R K, m) float
+        Right-hand sides: pairs, the sum of sizes, known columns. Zeros fill the rest.
+    """
+
+    w: Reals
+    target: float
+    vectors: Reals
+    places: Integers
+    columns: Reals
+
+
+class Sized(NamedTuple):
+    """Sizes, what is below them, and the dual values of both sides; also changes of these.
+
+    Parameters
+    ----------
+    sizes, filtered, above, below : (pairs, S) float
+    """
+
+    sizes: Reals
+    filtered: Reals
+    above: Reals
+    below: Reals
+
+
+class Coupled(NamedTuple):
+    """Unknowns that are left where sizes and multipliers are eliminated.
+
+    Parameters
+    ----------
+    weights : (pairs,) float
+    dual_level : float
+    """
+
+    weights: Reals
+    dual_level: float
+
+
+class Reduced(NamedTuple):
+    """A step's matrix without sizes, factored.
+
+    Parameters
+    ----------
+    fine : bool
+        False where it is as good as singular.
+    total, skew : (pairs, S) float
+        a / u + b / v, and a / u - b / v divided by it.
+    factor : (..., ...) float
+        Of the banded matrix of multipliers.
+    columns : (R K, m) float
+        Right-hand sides, solved by the lower factor.
+    curve : (pairs,) float
+        Sums of w^2 / total.
+    """
+
+    fine: bool
+    total: Reals
+    skew: Reals
+    factor: Reals
+    columns: Reals
+    curve: Reals
+
+
+class Half(NamedTuple):
+    """The right-hand side of a step, half solved.
+
+    Parameters
+    ----------
+    first, second, size : (pairs, S) float
+        What the sides and the sizes have to gain.
+    moved : (pairs,) float
+        Sums of w size / total.
+    drive : (R K,) float
+        Of the multipliers, solved by the lower factor.
+    """
+
+    first: Reals
+    second: Reals
+    size: Reals
+    moved: Reals
+    drive: Reals
+
+
+def eliminated(at: Sized, fixed: Fixed) -> Reduced:
+    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
+    one, two = at.above / (at.sizes - at.filtered), at.below / (at.sizes + at.filtered)
+    total = one + two
+    skew = (one - two) / total
+    w, target = fixed.w, fixed.target
+    curve = (w * w / total).sum(axis=1)
+    band = _band(4.0 * one * two / total, fixed.vectors, fixed.places)
+    try:
+        factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=True)
+    except (np.linalg.LinAlgError, ValueError):
+        return Reduced(False, total, skew, band, fixed.columns, curve)
+    spread = paired_columns(w * skew, fixed.vectors)
+    pairs = len(spread)
+    columns = fixed.columns.copy()
+    columns[:, :pairs] += target * spread.T
+    columns[:, pairs] += spread.sum(axis=0)
+    return Reduced(True, total, skew, factor, _substituted(factor, columns), curve)
+
+
+def forward(
+    aim: float, at: Sized, step: Sized, now: Coupled, fixed: Fixed, reduced: Reduced, loss: Reals
+) -> Half:
+    """Solve for half of a direction in which products of slacks and duals become ``aim``.
+
+    Parameters
+    ----------
+    aim : float
+    at : Sized
+    step : Sized
+        A direction whose products of second order are taken off; zeros for none.
+    now : Coupled
+        Present values.
+    fixed : Fixed
+    reduced : Reduced
+    loss : (R K,) float
+        What multipliers have to gain beside what the sides give.
+    """
+    less, more = step.sizes - step.filtered, step.sizes + step.filtered
+    first = (aim - less * step.above) / (at.sizes - at.filtered)
+    second = (aim - more * step.below) / (at.sizes + at.filtered)
+    pull = (fixed.target * now.weights[:, None] + now.dual_level) * fixed.w
+    size = first + second - pull
+    moved = (fixed.w * size / reduced.total).sum(axis=1)
+    push = paired_columns(first - second - reduced.skew * size, fixed.vectors).sum(axis=0)
+    return Half(first, second, size, moved, _substituted(reduced.factor, push + loss))
+
+
+def backward(
+    right: Reals, half: Half, at: Sized, change: Coupled, fixed: Fixed, reduced: Reduced
+) -> tuple[Reals, Sized, Reals, Reals]:
+    """Solve for the other half of a direction.
+
+    Parameters
+    ----------
+    right : (R K,) float
+        Right-hand side of the multipliers; it may be overwritten.
+    half : Half
+    at : Sized
+    change : Coupled
+    fixed : Fixed
+    reduced : Reduced
+
+    Returns
+    -------
+    multipliers : (K, R) float
+    step : Sized
+    least : (2,) float
+        Least quotients of change and value, of slacks and of dual values; 0 where none is below.
+    sums : (4,) float
+        Of slack times dual, change times dual, slack times change, and change times change.
+    """
+    vectors, w = fixed.vectors, fixed.w
+    back = _substituted(reduced.factor, right, transposed=True)
+    multipliers = -back.reshape(-1, len(vectors)).T
+    filtered = _filtered(multipliers, vectors, w.size)
+    pull = (fixed.target * change.weights[:, None] + change.dual_level) * w
+    sizes = (half.size - pull) / reduced.total + reduced.skew * filtered
+    slacks = np.array([at.sizes - at.filtered, at.sizes + at.filtered])
+    changes = np.array([sizes - filtered, sizes + filtered])
+    duals = np.array([at.above, at.below])
+    ratios = changes / slacks
+    turns = np.array([half.first, half.second]) - duals - duals * ratios
+    least = np.minimum(0.0, [ratios.min(), (turns / duals).min()])
+    sums = np.array([np.vdot(x, y) for x in (slacks, changes) for y in (duals, turns)], np.float64)[
+        [0, 2, 1, 3]
+    ]
+    return multipliers, Sized(sizes, filtered, turns[0], turns[1]), least, sums
+
+
+def paired_columns(filtered: Reals, vectors: Reals) -> Reals:
+    """Transpose the filters pair by pair, from (pairs, S) to (pairs, R K)."""
+    size, back = len(vectors), _windows(filtered, len(vectors))
+    every, (one, two) = np.arange(len(filtered)), np.triu_indices(size)
+    found = np.zeros((len(filtered), back.shape[2], size))
+    found[every, :, two] += np.einsum("pi,ipr->pr", vectors[one], back)
+    found[every, :, one] += np.einsum("pi,ipr->pr", vectors[two], back)
+    return found.reshape(len(filtered), -1)
+
+
+def _filtered(multipliers: Reals, vectors: Reals, samples: int) -> Reals:
+    """Filter multipliers (K, R) by the vectors, (pairs, S)."""
+    size = len(vectors)
+    padded = np.zeros((size, samples + size - 1))
+    padded[:, size - 1 : samples] = multipliers
+    shifted = np.stack([padded[:, i : i + samples] for i in range(size)])
+    each = (vectors @ shifted.reshape(size, -1)).reshape(size, size, samples)
+    one, two = np.triu_indices(size)
+    return np.asarray(each[one, two] + each[two, one], np.float64)
+
+
+def _band(weights: Reals, vectors: Reals, places: Integers) -> Reals:
+    """The lower band of F' diag(weights) F, (K K, R K)."""
+    size, back = len(vectors), _windows(weights, len(vectors))
+    rows, doubled = back.shape[2], np.eye(size) + 1.0
+    found = np.zeros((size, size, rows, size))
+    for c in range(size):
+        for e in range(size):
+            for d in range(1 if e < c else 0, size):
+                if c == e:
+                    by = (doubled[c, :, None] ** 2 * vectors[:, : size - d] * vectors[:, d:]).T
+                    entries = np.einsum("ik,ikr->r", by, back[: size - d, places[c]])
+                else:
+                    entries = (vectors[e, : size - d] * vectors[c, d:]) @ back[
+                        : size - d, places[c, e]
+                    ]
+                place = d * size + e - c
+                found[place // size, place % size, :, c] = entries
+    return found.reshape(size * size, -1)
+
+
+def _windows(table: Reals, size: int) -> Reals:
+    n, rows = size - 1, table.shape[1] - size + 1
+    return np.stack([table[:, n - i : n - i + rows] for i in range(size)])
+
+
+def _substituted(factor: Reals, right: Reals, transposed: bool = False) -> Reals:
+    """Solve L x = r or L' x = r with the lower band (b + 1, n) of L, for columns r."""
+    found, info = dtbtrs(factor, right, uplo="L", trans="T" if transposed else "N")
+    if info:
+        raise np.linalg.LinAlgError
+    return np.asarray(found, np.float64)
