@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from setid.minimum_noise.plain_steps import Half, Reduced, Sized
+from setid.minimum_noise.plain_steps import Half, Reduced, Sized, Totals
 from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
@@ -23,33 +23,38 @@ from sparsepop_py.solvers.cliquetree.kernels.machine import (
     total,
 )
 
-__all__ = ["backward", "eliminated", "forward"]
+__all__ = ["advanced", "backward", "eliminated", "forward"]
 
 _BLOCK = LANES * WORD
+_ROWS = 128  # whose products are added at once
 
 
 @jit
-def eliminated(at, fixed):
+def eliminated(at, weights, fixed):
     """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
-    w, size = fixed.w, len(fixed.vectors)
+    w, pairs = fixed.w, len(weights)
     both, skew, middle = _ratios(at)
     factor = _band(middle, fixed.vectors, fixed.places)
-    count = (w.size - size + 1) * size
-    fine = _factored(factor, count, np.zeros(2 * factor.shape[1]))
     columns = fixed.columns.copy()
-    curve = np.zeros(len(both))
-    for p in range(len(both)):
+    count, width = columns.shape
+    fine = _factored(factor, count, np.zeros(2 * factor.shape[1]))
+    curve, inner, loss = np.zeros(pairs), np.zeros((width, width)), np.zeros(count)
+    for p in range(pairs):
         whole = both[p]
         for i in range(w.size):
             curve[p] += w[i] * w[i] / whole[i]
+    for i in range(count):
+        for p in range(pairs):
+            loss[i] += weights[p] * fixed.columns[i, p]
     if fine:
         _gather(columns, skew, fixed)
         _substitute(factor, columns, count)
-    return Reduced(fine, both, skew, factor, columns, curve)
+        _products(columns, inner)
+    return Reduced(fine, both, skew, factor, columns, curve, inner, loss)
 
 
 @jit
-def forward(aim, at, step, now, fixed, reduced, loss):
+def forward(aim, at, step, now, fixed, reduced):
     """Solve for half of a direction in which products of slacks and duals become ``aim``."""
     shape, w = at.sizes.shape, fixed.w
     first, second, sizes = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -65,9 +70,9 @@ def forward(aim, at, step, now, fixed, reduced, loss):
             first[p, i], second[p, i], sizes[p, i] = one, two, gain
             push[p, i] = one - two - reduced.skew[p, i] * gain
             moved[p] += w[i] * gain / reduced.total[p, i]
-    count, width = loss.size, reduced.factor.shape[1]
+    count, width = reduced.loss.size, reduced.factor.shape[1]
     drive = np.zeros(count + width)
-    drive[:count] = loss
+    drive[:count] = reduced.loss
     _transpose(drive, push, fixed)
     base, start = reduced.factor.ctypes.data, drive.ctypes.data
     for i in range(count):
@@ -77,19 +82,20 @@ def forward(aim, at, step, now, fixed, reduced, loss):
             to = start + i * WORD + v
             store(to, load(to) - by * load(base + i * width * WORD + v))
         drive[i] = value
-    return Half(first, second, sizes, moved, drive[:count])
+    drive = drive[:count].copy()
+    return Half(first, second, sizes, moved, drive, drive @ reduced.columns)
 
 
 @jit
-def backward(right, half, at, change, fixed, reduced):
+def backward(solved, half, at, change, fixed, reduced):
     """Solve for the other half of a direction."""
     shape, w, size = at.sizes.shape, fixed.w, len(fixed.vectors)
     n, rows = size - 1, w.size - size + 1
-    solved = _substitute_back(reduced.factor, right)
+    back = _substitute_back(reduced.factor, half.drive + reduced.columns @ solved)
     padded = np.zeros((size, w.size + n))
     for c in range(size):
         for r in range(rows):
-            padded[c, n + r] = -solved[r * size + c]
+            padded[c, n + r] = -back[r * size + c]
     filtered = _filter(padded, fixed)
     sizes, above, below = np.empty(shape), np.empty(shape), np.empty(shape)
     least, sums = np.zeros(2), np.zeros(4)
@@ -113,6 +119,26 @@ def backward(right, half, at, change, fixed, reduced):
             sums[3] += (turn - inside) * x + (turn + inside) * y
         least[0], least[1] = min(least[0], primal), min(least[1], dual)
     return padded[:, n : n + rows].copy(), Sized(sizes, filtered, above, below), least, sums
+
+
+@jit
+def advanced(at, step, primal, dual, multipliers, fixed):
+    """Go a part of a direction, in sizes and in their dual values."""
+    shape, w = at.sizes.shape, fixed.w
+    sizes, filtered = np.empty(shape), np.empty(shape)
+    above, below = np.empty(shape), np.empty(shape)
+    whole, noise = np.zeros(shape[0]), np.zeros(shape[0])
+    for p in range(shape[0]):
+        for i in range(shape[1]):
+            size = at.sizes[p, i] + primal * step.sizes[p, i]
+            inside = at.filtered[p, i] + primal * step.filtered[p, i]
+            sizes[p, i], filtered[p, i] = size, inside
+            above[p, i] = at.above[p, i] + dual * step.above[p, i]
+            below[p, i] = at.below[p, i] + dual * step.below[p, i]
+            whole[p] += w[i] * size
+            noise[p] += w[i] * abs(inside)
+    products = multipliers.T.copy().ravel() @ fixed.columns
+    return Sized(sizes, filtered, above, below), Totals(whole, noise, products)
 
 
 @jit
@@ -275,6 +301,52 @@ def _substitute(factor, right, count):
                 a = a - spread(entry) * load(other)
             store(to, a * inverse)
             v += _BLOCK
+
+
+@jit
+def _products(columns, found):
+    """Add products of columns with each other to zeros; each row is pairs of vectors wide."""
+    count, width = columns.shape
+    for begin in range(0, count, _ROWS):
+        part = columns[begin : min(begin + _ROWS, count)]
+        for v in range(0, width, 2 * LANES):
+            for j in range(0, v + 2 * LANES, 4):
+                _tile(part, found, j, v)
+    for j in range(width):
+        for v in range(j):
+            found[j, v] = found[v, j]
+
+
+@jit
+def _tile(columns, found, j, v):
+    """Add products of four columns from j on with those of two vectors from v on."""
+    count, width = columns.shape
+    line = width * WORD
+    to = found.ctypes.data + j * line + v * WORD
+    one, two = columns.ctypes.data + v * WORD, columns.ctypes.data + j * WORD
+    a, b, c, d = load(to), load(to + _BLOCK), load(to + line), load(to + line + _BLOCK)
+    to += 2 * line
+    e, f, g, h = load(to), load(to + _BLOCK), load(to + line), load(to + line + _BLOCK)
+    for _ in range(count):
+        x, y = load(one), load(one + _BLOCK)
+        p, q, r, s = (
+            spread(two),
+            spread(two + WORD),
+            spread(two + 2 * WORD),
+            spread(two + 3 * WORD),
+        )
+        a, b, c, d = a + p * x, b + p * y, c + q * x, d + q * y
+        e, f, g, h = e + r * x, f + r * y, g + s * x, h + s * y
+        one, two = one + line, two + line
+    store(to, e)
+    store(to + _BLOCK, f)
+    store(to + line, g)
+    store(to + line + _BLOCK, h)
+    to -= 2 * line
+    store(to, a)
+    store(to + _BLOCK, b)
+    store(to + line, c)
+    store(to + line + _BLOCK, d)
 
 
 @jit

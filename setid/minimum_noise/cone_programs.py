@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise import plain_steps
-from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized, paired_columns
+from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import Cone
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
@@ -47,7 +47,7 @@ _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
 _OFTEN = 30  # programs of a process: then compiled substitution is worth its loading
 _counter = count()
 _TINY = 1e-300
-_FILL = 8  # columns together, for compiled steps
+_FILL = 16  # columns together, for compiled steps
 
 
 class ConeBound(NamedTuple):
@@ -82,18 +82,6 @@ class _Point:
     slack: Reals  # (pairs,)
     coupled: Coupled  # weights are dual to the slacks; no level is larger than the dual one
     dual_minors: Reals
-
-    def moved(self, other: _Point, primal: float, dual: float) -> None:
-        """Go a part of a direction, in the unknowns and in the dual values."""
-        for name in ("multipliers", "level", "minors", "slack"):
-            setattr(self, name, getattr(self, name) + primal * getattr(other, name))
-        self.dual_minors = self.dual_minors + dual * other.dual_minors
-        parts = zip(self.sized, other.sized, (primal, primal, dual, dual), strict=True)
-        self.sized = Sized(*(now + part * change for now, change, part in parts))
-        now, change = self.coupled, other.coupled
-        self.coupled = Coupled(
-            now.weights + dual * change.weights, now.dual_level + dual * change.dual_level
-        )
 
     def small(self) -> tuple[Reals, Reals]:
         """Slacks and minors, and their dual values."""
@@ -180,25 +168,25 @@ class _Program:
         self.count = one.size
         places = np.zeros((size, size), np.int64)
         places[one, two] = places[two, one] = np.arange(self.count)
-        self.needed = paired_columns(np.tile(programs.y, (self.count, 1)), vectors)
         columns = columns.copy()
-        columns[:, : self.count] = -self.needed.T
-        self.known = columns[:, self.count + 1 : used]
+        columns[:, : self.count] = -paired_columns(np.tile(programs.y, (self.count, 1)), vectors).T
         self.fixed = Fixed(w, target, vectors, places, columns)
         self._rows = programs.y.size - programs.order
 
     def run(self, patience: float) -> tuple[float, Reals, Reals, Reals]:
         """Return the factor, multipliers, shares of minors and dual weights."""
         at, target = self._start(), self.fixed.target
+        nothing = np.zeros(self.count), np.zeros(self.fixed.columns.shape[1])
+        totals = Totals(at.sized.sizes @ self.fixed.w, *nothing)
         best = 0.0, at.multipliers, at.minors, at.coupled.weights
         infeasible, reached = 1.0, list[float]()
         for _ in range(_STEPS):
             try:
-                dual = self._step(at)
+                at, totals, dual = self._step(at, totals)
             except np.linalg.LinAlgError:
                 break
             infeasible *= 1.0 - dual
-            factor = self._factor(at)
+            factor = float(np.min(self.needed(at, totals) / np.maximum(totals.noise, _TINY)))
             if not np.isfinite(factor):
                 break
             if factor > best[0]:
@@ -212,9 +200,13 @@ class _Program:
                 break
         return (*best[:3], at.coupled.weights)
 
-    def _step(self, at: _Point) -> float:
-        """Go a step, with a predictor and a corrector; return its part in the dual values."""
-        newton, (slacks, duals) = _Newton(self, at), at.small()
+    def needed(self, at: _Point, totals: Totals) -> Reals:
+        """What each pair needs, beside its noise (pairs,)."""
+        return np.asarray(-totals.products[: self.count] - at.minors @ self.minors, np.float64)
+
+    def _step(self, at: _Point, totals: Totals) -> tuple[_Point, Totals, float]:
+        """Go a step, with a predictor and a corrector; return its part in the dual values too."""
+        newton, (slacks, duals) = _Newton(self, at, totals), at.small()
         nothing = Sized(*np.zeros((4, *at.sized.sizes.shape)))
         affine = newton.direction(0.0, nothing, np.zeros(slacks.size))
         turns, dual_turns = affine.point.small()
@@ -227,14 +219,24 @@ class _Program:
         aim = (after / now) ** 3 * now / count
         step = newton.direction(aim, affine.point.sized, turns * dual_turns)
         primal, dual = (_INSIDE * length for length in step.lengths(at))
-        at.moved(step.point, primal, dual)
-        return dual
-
-    def _factor(self, at: _Point) -> float:
-        """The factor that the multipliers refute."""
-        value = self.needed @ at.multipliers.T.ravel() - at.minors @ self.minors
-        noise = np.abs(at.sized.filtered) @ self.fixed.w
-        return float(np.min(value / np.maximum(noise, _TINY)))
+        change, coupled = step.point, at.coupled
+        multipliers = at.multipliers + primal * change.multipliers
+        sized, totals = self.steps.advanced(
+            at.sized, change.sized, primal, dual, multipliers, self.fixed
+        )
+        following = _Point(
+            multipliers,
+            sized,
+            at.level + primal * change.level,
+            at.minors + primal * change.minors,
+            at.slack + primal * change.slack,
+            Coupled(
+                coupled.weights + dual * change.coupled.weights,
+                coupled.dual_level + dual * change.coupled.dual_level,
+            ),
+            at.dual_minors + dual * change.dual_minors,
+        )
+        return following, totals, dual
 
     def _start(self) -> _Point:
         """Begin with all products of a size near the least of them."""
@@ -283,17 +285,13 @@ class _Newton:
     columns, the level and the minors are left, some thirty unknowns.
     """
 
-    def __init__(self, program: _Program, at: _Point) -> None:
-        self._program, self._at = program, at
-        self._reduced = program.steps.eliminated(at.sized, program.fixed)
+    def __init__(self, program: _Program, at: _Point, totals: Totals) -> None:
+        self._program, self._at, self._totals = program, at, totals
+        fixed = program.fixed
+        self._reduced = program.steps.eliminated(at.sized, at.coupled.weights, fixed)
         if not self._reduced.fine:
             raise np.linalg.LinAlgError
-        columns = self._reduced.columns
-        self._inner = (columns.T @ columns)[: program.used, : program.used]
-        self._loss = -(at.coupled.weights @ program.needed)
-        self._gap = program.needed @ at.multipliers.T.ravel() - at.minors @ program.minors
-        self._gap -= program.fixed.target * (at.sized.sizes @ program.fixed.w) + at.level
-        self._unknown = at.multipliers.T.ravel() @ program.known
+        self._gap = program.needed(at, totals) - fixed.target * totals.sizes - at.level
         self._matrix = self._small()
 
     def _small(self) -> Reals:
@@ -302,7 +300,7 @@ class _Newton:
         minors, target, curve = program.minors, program.fixed.target, self._reduced.curve
         inner = program.used
         found = np.zeros((inner + 1 + len(minors),) * 2)
-        found[:inner, :inner] = self._inner
+        found[:inner, :inner] = self._reduced.inner[:inner, :inner]
         every = np.arange(pairs_)
         found[every, every] += target**2 * curve + at.slack / at.coupled.weights
         found[:pairs_, pairs_] += target * curve
@@ -325,24 +323,24 @@ class _Newton:
         products : (pairs + minors,) float
             Those of the slacks of pairs and of the minors.
         """
-        program, at, fixed = self._program, self._at, self._program.fixed
-        pairs_, used, weights = program.count, program.used, at.coupled.weights
+        program, at, fixed, reduced = self._program, self._at, self._program.fixed, self._reduced
+        pairs_, used, weights, totals = (
+            program.count,
+            program.used,
+            at.coupled.weights,
+            self._totals,
+        )
         one, two = at.small()
         aims = aim - one * two - products
-        half = program.steps.forward(
-            aim, at.sized, before, at.coupled, fixed, self._reduced, self._loss
-        )
-        columns = self._reduced.columns
-        inner = -(half.drive @ columns)
-        total = float((at.sized.sizes @ fixed.w).sum())
+        half = program.steps.forward(aim, at.sized, before, at.coupled, fixed, reduced)
         right = np.concatenate(
             [
-                inner[:pairs_]
-                + fixed.target * half.moved
+                fixed.target * half.moved
+                - half.inner[:pairs_]
                 + aims[:pairs_] / weights
                 - (self._gap - at.slack),
-                [inner[pairs_] + half.moved.sum() + total - 1.0],
-                inner[pairs_ + 1 : used] + self._unknown,
+                [half.moved.sum() - half.inner[pairs_] + totals.sizes.sum() - 1.0],
+                totals.products[pairs_ + 1 : used] - half.inner[pairs_ + 1 : used],
                 [weights.sum() - 1.0],
                 program.minors @ weights - at.dual_minors - aims[pairs_:] / at.minors,
             ]
@@ -350,9 +348,10 @@ class _Newton:
         solved = np.linalg.solve(self._matrix, right)
         change = Coupled(solved[:pairs_], float(solved[pairs_]))
         level, shares = float(solved[used]), solved[used + 1 :]
-        drive = half.drive + columns[:, :used] @ solved[:used]
+        beside = np.zeros(len(reduced.inner))
+        beside[:used] = solved[:used]
         multipliers, sized, least, sums = program.steps.backward(
-            drive, half, at.sized, change, fixed, self._reduced
+            beside, half, at.sized, change, fixed, reduced
         )
         point = _Point(
             multipliers,

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["Coupled", "Fixed", "Half", "Reduced", "Sized", "backward", "eliminated", "forward"]
-__all__ += ["paired_columns"]
+__all__ = ["Coupled", "Fixed", "Half", "Reduced", "Sized", "Totals", "advanced", "backward"]
+__all__ += ["eliminated", "forward", "paired_columns"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -85,6 +85,10 @@ class Reduced(NamedTuple):
         Right-hand sides, solved by the lower factor.
     curve : (pairs,) float
         Sums of w^2 / total.
+    inner : (m, m) float
+        Products of the solved columns.
+    loss : (R K,) float
+        What multipliers have to gain by weights beside what the sides give.
     """
 
     fine: bool
@@ -93,6 +97,24 @@ class Reduced(NamedTuple):
     factor: Reals
     columns: Reals
     curve: Reals
+    inner: Reals
+    loss: Reals
+
+
+class Totals(NamedTuple):
+    """Sums over the record.
+
+    Parameters
+    ----------
+    sizes, noise : (pairs,) float
+        Of w sizes and w abs(filtered).
+    products : (m,) float
+        Of the multipliers with the columns as they are in ``Fixed``.
+    """
+
+    sizes: Reals
+    noise: Reals
+    products: Reals
 
 
 class Half(NamedTuple):
@@ -106,6 +128,8 @@ class Half(NamedTuple):
         Sums of w size / total.
     drive : (R K,) float
         Of the multipliers, solved by the lower factor.
+    inner : (m,) float
+        Products of ``drive`` with the solved columns.
     """
 
     first: Reals
@@ -113,30 +137,41 @@ class Half(NamedTuple):
     size: Reals
     moved: Reals
     drive: Reals
+    inner: Reals
 
 
-def eliminated(at: Sized, fixed: Fixed) -> Reduced:
-    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
+def eliminated(at: Sized, weights: Reals, fixed: Fixed) -> Reduced:
+    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it.
+
+    Parameters
+    ----------
+    at : Sized
+    weights : (pairs,) float
+    fixed : Fixed
+    """
     one, two = at.above / (at.sizes - at.filtered), at.below / (at.sizes + at.filtered)
     total = one + two
     skew = (one - two) / total
-    w, target = fixed.w, fixed.target
+    w, target, pairs = fixed.w, fixed.target, weights.size
     curve = (w * w / total).sum(axis=1)
+    loss = fixed.columns[:, :pairs] @ weights
+    columns = fixed.columns.copy()
     band = _band(4.0 * one * two / total, fixed.vectors, fixed.places)
     try:
         factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=True)
     except (np.linalg.LinAlgError, ValueError):
-        return Reduced(False, total, skew, band, fixed.columns, curve)
+        inner = np.zeros((columns.shape[1], columns.shape[1]))
+        return Reduced(False, total, skew, band, columns, curve, inner, loss)
     spread = paired_columns(w * skew, fixed.vectors)
-    pairs = len(spread)
-    columns = fixed.columns.copy()
     columns[:, :pairs] += target * spread.T
     columns[:, pairs] += spread.sum(axis=0)
-    return Reduced(True, total, skew, factor, _substituted(factor, columns), curve)
+    columns = _substituted(factor, columns)
+    inner = columns.T @ columns
+    return Reduced(True, total, skew, factor, columns, curve, inner, loss)
 
 
 def forward(
-    aim: float, at: Sized, step: Sized, now: Coupled, fixed: Fixed, reduced: Reduced, loss: Reals
+    aim: float, at: Sized, step: Sized, now: Coupled, fixed: Fixed, reduced: Reduced
 ) -> Half:
     """Solve for half of a direction in which products of slacks and duals become ``aim``.
 
@@ -150,8 +185,6 @@ def forward(
         Present values.
     fixed : Fixed
     reduced : Reduced
-    loss : (R K,) float
-        What multipliers have to gain beside what the sides give.
     """
     less, more = step.sizes - step.filtered, step.sizes + step.filtered
     first = (aim - less * step.above) / (at.sizes - at.filtered)
@@ -160,18 +193,19 @@ def forward(
     size = first + second - pull
     moved = (fixed.w * size / reduced.total).sum(axis=1)
     push = paired_columns(first - second - reduced.skew * size, fixed.vectors).sum(axis=0)
-    return Half(first, second, size, moved, _substituted(reduced.factor, push + loss))
+    drive = _substituted(reduced.factor, push + reduced.loss)
+    return Half(first, second, size, moved, drive, drive @ reduced.columns)
 
 
 def backward(
-    right: Reals, half: Half, at: Sized, change: Coupled, fixed: Fixed, reduced: Reduced
+    solved: Reals, half: Half, at: Sized, change: Coupled, fixed: Fixed, reduced: Reduced
 ) -> tuple[Reals, Sized, Reals, Reals]:
     """Solve for the other half of a direction.
 
     Parameters
     ----------
-    right : (R K,) float
-        Right-hand side of the multipliers; it may be overwritten.
+    solved : (m,) float
+        Changes of what the columns belong to.
     half : Half
     at : Sized
     change : Coupled
@@ -188,6 +222,7 @@ def backward(
         Of slack times dual, change times dual, slack times change, and change times change.
     """
     vectors, w = fixed.vectors, fixed.w
+    right = half.drive + reduced.columns @ solved
     back = _substituted(reduced.factor, right, transposed=True)
     multipliers = -back.reshape(-1, len(vectors)).T
     filtered = _filtered(multipliers, vectors, w.size)
@@ -199,10 +234,31 @@ def backward(
     ratios = changes / slacks
     turns = np.array([half.first, half.second]) - duals - duals * ratios
     least = np.minimum(0.0, [ratios.min(), (turns / duals).min()])
-    sums = np.array([np.vdot(x, y) for x in (slacks, changes) for y in (duals, turns)], np.float64)[
-        [0, 2, 1, 3]
-    ]
+    sums = np.array([np.vdot(x, y) for y in (duals, turns) for x in (slacks, changes)])
     return multipliers, Sized(sizes, filtered, turns[0], turns[1]), least, sums
+
+
+def advanced(
+    at: Sized, step: Sized, primal: float, dual: float, multipliers: Reals, fixed: Fixed
+) -> tuple[Sized, Totals]:
+    """Go a part of a direction, in sizes and in their dual values.
+
+    Parameters
+    ----------
+    at, step : Sized
+    primal, dual : float
+    multipliers : (K, R) float
+        After the step.
+    fixed : Fixed
+    """
+    found = Sized(
+        at.sizes + primal * step.sizes,
+        at.filtered + primal * step.filtered,
+        at.above + dual * step.above,
+        at.below + dual * step.below,
+    )
+    noise = np.abs(found.filtered) @ fixed.w
+    return found, Totals(found.sizes @ fixed.w, noise, multipliers.T.ravel() @ fixed.columns)
 
 
 def paired_columns(filtered: Reals, vectors: Reals) -> Reals:

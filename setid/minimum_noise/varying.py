@@ -41,7 +41,7 @@ __all__ = ["follow_denominators"]
 Reals = NDArray[np.float64]
 _MEMORY = 2.0**29  # bytes of multipliers
 _NOTHING = VaryingLeaf((), (), ())
-_AT_ONCE = 0.25  # of the time: for cones that are refuted at the last target
+_AT_ONCE = 0.15  # of the time: for cones that are refuted at the last target
 _AHEAD = 4  # cones for each worker of an executor
 _SHARES, _NEAR = (0.5, 0.25, 0.125, 0.08), 1.5  # of a level, to be left; of a tolerance
 

@@ -300,8 +300,8 @@ def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
     one, two = np.triu_indices(size)
     places, rows = np.zeros((size, size), np.int64), (samples - order) * size
     places[one, two] = places[two, one] = np.arange(one.size)
-    columns = np.zeros((rows, 8 * (size + 1)))
-    columns[:, : 8 * size - 3] = random.standard_normal((rows, 8 * size - 3))
+    columns = np.zeros((rows, 16 * size))
+    columns[:, : 16 * size - 3] = random.standard_normal((rows, 16 * size - 3))
     w, vectors = random.uniform(0.5, 1.5, samples), random.standard_normal((size, size))
     fixed, shape = Fixed(w / w.sum(), 3.0, vectors, places, columns), (one.size, samples)
     at = Sized(
@@ -313,15 +313,21 @@ def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
         Sized(*random.standard_normal((4, *shape))),
         Coupled(vectors.ravel()[: one.size], 0.7),
     )
-    change, loss = Coupled(random.standard_normal(one.size), -0.3), random.standard_normal(rows)
+    change, beside = (
+        Coupled(random.standard_normal(one.size), -0.3),
+        random.standard_normal(16 * size),
+    )
     found = []
     for steps in (plain_steps, compiled):
-        reduced = steps.eliminated(at, fixed)
-        half = steps.forward(0.2, at, before, now, fixed, reduced, loss)
-        whole = steps.backward(half.drive.copy(), half, at, change, fixed, reduced)
+        reduced = steps.eliminated(at, now.weights, fixed)
+        half = steps.forward(0.2, at, before, now, fixed, reduced)
+        whole = steps.backward(beside, half, at, change, fixed, reduced)
+        after, totals = steps.advanced(at, whole[1], 0.7, 0.4, whole[0], fixed)
         assert reduced.fine
-        kept = reduced.total, reduced.skew, reduced.columns, reduced.curve
-        found.append([*kept, *half, whole[0], *whole[1], *whole[2:]])
+        kept = [
+            value for name, value in reduced._asdict().items() if name not in ("fine", "factor")
+        ]
+        found.append([*kept, *half, whole[0], *whole[1], *whole[2:], *after, *totals])
     assert compiled is not plain_steps
     for plain, fast in zip(*found, strict=True):
         np.testing.assert_allclose(fast, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
@@ -341,7 +347,9 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
         dense[p, :, r, j] += np.convolve(vectors[k][::-1], unit)
     flat = dense.reshape(*shape, -1)
     w = np.full(samples, 1.0 / samples)
-    fixed = Fixed(w, 3.0, vectors, places, np.zeros((rows * size, 8)))
+    known = np.zeros((rows * size, 16))
+    known[:, : one.size] = random.standard_normal((rows * size, one.size))
+    fixed = Fixed(w, 3.0, vectors, places, known)
     at = Sized(
         random.uniform(1.0, 2.0, shape),
         random.uniform(-0.9, 0.9, shape),
@@ -351,28 +359,38 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
     matrix = np.einsum("psi,ps,psj->ij", flat, 4.0 * down * up / (down + up), flat)
     spread = np.einsum("psi,ps->pi", flat, w * (down - up) / (down + up))
     for steps in (plain_steps, cone_programs._compiled()):
-        reduced = steps.eliminated(at, fixed)
-        right = np.column_stack([3.0 * spread.T, spread.sum(axis=0)])
+        weights = np.linspace(1.0, 2.0, one.size)
+        reduced = steps.eliminated(at, weights, fixed)
+        right = np.column_stack([3.0 * spread.T, spread.sum(axis=0)]) + known[:, : one.size + 1]
         products = right.T @ np.linalg.solve(matrix, right)
-        solved = reduced.columns[:, : len(products)]
-        np.testing.assert_allclose(solved.T @ solved, products, rtol=1e-9)
-        nothing = Sized(*np.zeros((4, *shape)))
-        now, loss = Coupled(np.zeros(one.size), 0.0), random.standard_normal(rows * size)
-        half = steps.forward(0.0, at, nothing, now, fixed, reduced, loss)
-        multipliers, step, _, _ = steps.backward(half.drive, half, at, now, fixed, reduced)
-        wanted = -np.linalg.solve(matrix, loss).reshape(rows, size).T
+        np.testing.assert_allclose(
+            reduced.inner[: one.size + 1, : one.size + 1], products, rtol=1e-9
+        )
+        loss = known[:, : one.size] @ weights
+        np.testing.assert_allclose(reduced.loss, loss, rtol=1e-12)
+        nothing, now = Sized(*np.zeros((4, *shape))), Coupled(np.zeros(one.size), 0.0)
+        half = steps.forward(0.0, at, nothing, now, fixed, reduced)
+        solved = np.linalg.solve(matrix, right).T @ loss
+        np.testing.assert_allclose(half.inner[: one.size + 1], solved, rtol=1e-8)
+        beside = np.zeros(16)
+        beside[2] = 1.0
+        multipliers, step, _, _ = steps.backward(beside, half, at, now, fixed, reduced)
+        wanted = -np.linalg.solve(matrix, loss + right[:, 2]).reshape(rows, size).T
         np.testing.assert_allclose(multipliers, wanted, rtol=1e-8)
         np.testing.assert_allclose(step.filtered, flat @ wanted.T.ravel(), rtol=1e-8, atol=1e-12)
+        _, totals = steps.advanced(at, step, 0.0, 0.0, multipliers, fixed)
+        np.testing.assert_allclose(totals.products, multipliers.T.ravel() @ known, rtol=1e-12)
+        np.testing.assert_allclose(totals.noise, np.abs(at.filtered) @ w, rtol=1e-12)
 
 
 def test_steps_say_where_a_matrix_is_singular() -> None:
     """Vectors of zeros filter nothing."""
     fixed = Fixed(
-        np.full(9, 1 / 9), 1.0, np.zeros((2, 2)), np.array([[0, 1], [1, 2]]), np.zeros((16, 8))
+        np.full(9, 1 / 9), 1.0, np.zeros((2, 2)), np.array([[0, 1], [1, 2]]), np.zeros((16, 16))
     )
     at = Sized(np.ones((3, 9)), *np.zeros((1, 3, 9)), *np.ones((2, 3, 9)))
     for steps in (plain_steps, cone_programs._compiled()):
-        assert not steps.eliminated(at, fixed).fine
+        assert not steps.eliminated(at, np.ones(3), fixed).fine
 
 
 def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
