@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import heapq
+import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -43,7 +44,11 @@ _MEMORY = 2.0**29  # bytes of multipliers
 _NOTHING = VaryingLeaf((), (), ())
 _AT_ONCE = 0.15  # of the time: for cones that are refuted at the last target
 _AHEAD = 4  # cones for each worker of an executor
-_SHARES, _NEAR = (0.5, 0.25, 0.125, 0.08), 1.5  # of a level, to be left; of a tolerance
+_FIRST = 0.5  # of the level, which the lowest target leaves
+_FALL, _LITTLE = 0.5, 0.9  # of a share: the least and the largest one for the next target
+_GROWTH = 3.5  # a share that is smaller by 2 takes 2 to this power as long
+_PART = 0.6  # of the time: for the next target
+_NEAR = 1.5  # of the tolerance: then it comes next
 
 
 def follow_denominators(
@@ -180,8 +185,9 @@ class _Search:
     def run(self, output: int) -> FoundDenominators:
         """Part cones until all are refuted, or time or memory ends; state what is refuted.
 
-        Where that takes too long, the search begins again with a low target, which rises. Each time
-        all cones are refuted before any is refuted further: the worst one is near the others.
+        Where that takes too long, the search begins again with a low target, which rises as fast as
+        the time allows. Each time all cones are refuted before any is refuted further: the worst
+        one is near the others.
         """
         left = self._deadline.left
         if left is not None:
@@ -190,13 +196,25 @@ class _Search:
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
             return self._found(output)
-        before = copy.copy(self)  # keeps its lists
+        before, share = copy.copy(self), _FIRST  # keeps its lists
         self._begin()
-        for share in (*(share for share in _SHARES if share > _NEAR * self._tol), self._tol):
-            if not self._ended:
-                self._reach(share)
+        while not self._ended:
+            begun = time.monotonic()
+            self._reach(share)
+            if share <= self._tol:
+                break
+            share = self._following(share, time.monotonic() - begun)
         found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
         return replace(found, best=tuple(self._attained.best))
+
+    def _following(self, share: float, spent: float) -> float:
+        """Choose what the next target leaves of the level, for a part of the time that is left."""
+        left = self._deadline.left
+        fall = _FALL
+        if left is not None:
+            fall = (spent / max(_PART * left, spent)) ** (1.0 / _GROWTH)
+        share *= min(max(fall, _FALL), _LITTLE)
+        return share if share > _NEAR * self._tol else self._tol
 
     def _reach(self, share: float) -> None:
         """Refute a target in all cones while time allows, in parts only where their whole fails."""

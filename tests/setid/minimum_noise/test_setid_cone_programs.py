@@ -242,8 +242,26 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
 
     monkeypatch.setattr(varying._Search, "_reach", slow)
     found = search.run(0)
-    assert shares == [0.05, 0.5, 0.25, 0.125, 0.08, 0.05]
+    assert shares == [0.05, 0.5, 0.25, 0.125, 0.05]
     assert not search._waiting and found.factor >= 0.949 * search._attained.level
+
+
+@pytest.mark.parametrize(
+    ("share", "spent", "left", "following"),
+    [
+        (0.5, 0.0, 60.0, 0.25),  # cheap: half of it
+        (0.25, 9.0, 60.0, 0.25 * (9.0 / 36.0) ** (1 / 3.5)),  # for .6 of the time
+        (0.25, 80.0, 60.0, 0.225),  # dear: a little less
+        (0.07, 0.0, 60.0, 0.05),  # the tolerance is near
+        (0.25, 9.0, None, 0.125),
+    ],
+)
+def test_the_next_target_takes_a_part_of_the_time(
+    share: float, spent: float, left: float | None, following: float
+) -> None:
+    search = search_of(rows_of(1), np.real(np.poly(POLES[1])), 0.05)
+    search._deadline = Deadline(left)
+    assert search._following(share, spent) == pytest.approx(following, rel=1e-4)
 
 
 def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
