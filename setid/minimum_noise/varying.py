@@ -46,8 +46,9 @@ _AT_ONCE = 0.15  # of the time: for cones that are refuted at the last target
 _AHEAD = 4  # cones for each worker of an executor
 _FIRST = 0.5  # of the level, which the lowest target leaves
 _FALL, _LITTLE = 0.5, 0.9  # of a share: the least and the largest one for the next target
-_GROWTH = 3.5  # a share that is smaller by 2 takes 2 to this power as long
-_PART = 0.6  # of the time: for the next target
+_GROWTH = 3.5  # least one: a share that is smaller by 2 takes 2 to this power as long
+_PART = 0.5  # of the time: for the next target
+_BRIEF = 0.2  # seconds that tell nothing of the growth
 _NEAR = 1.5  # of the tolerance: then it comes next
 
 
@@ -196,23 +197,27 @@ class _Search:
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
             return self._found(output)
-        before, share = copy.copy(self), _FIRST  # keeps its lists
+        before, share, wider = copy.copy(self), _FIRST, 1.0  # keeps its lists
         self._begin()
+        spent, growth = 0.0, _GROWTH
         while not self._ended:
-            begun = time.monotonic()
+            begun, earlier = time.monotonic(), spent
             self._reach(share)
             if share <= self._tol:
                 break
-            share = self._following(share, time.monotonic() - begun)
+            spent = time.monotonic() - begun
+            if earlier > _BRIEF:
+                growth = max(_GROWTH, np.log(spent / earlier) / np.log(wider / share))
+            wider, share = share, self._following(share, spent, growth)
         found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
         return replace(found, best=tuple(self._attained.best))
 
-    def _following(self, share: float, spent: float) -> float:
+    def _following(self, share: float, spent: float, growth: float) -> float:
         """Choose what the next target leaves of the level, for a part of the time that is left."""
         left = self._deadline.left
         fall = _FALL
         if left is not None:
-            fall = (spent / max(_PART * left, spent)) ** (1.0 / _GROWTH)
+            fall = (spent / max(_PART * left, spent)) ** (1.0 / growth)
         share *= min(max(fall, _FALL), _LITTLE)
         return share if share > _NEAR * self._tol else self._tol
 

@@ -250,7 +250,7 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
     ("share", "spent", "left", "following"),
     [
         (0.5, 0.0, 60.0, 0.25),  # cheap: half of it
-        (0.25, 9.0, 60.0, 0.25 * (9.0 / 36.0) ** (1 / 3.5)),  # for .6 of the time
+        (0.25, 9.0, 60.0, 0.25 * (9.0 / 30.0) ** (1 / 4.0)),  # for half of the time
         (0.25, 80.0, 60.0, 0.225),  # dear: a little less
         (0.07, 0.0, 60.0, 0.05),  # the tolerance is near
         (0.25, 9.0, None, 0.125),
@@ -261,7 +261,7 @@ def test_the_next_target_takes_a_part_of_the_time(
 ) -> None:
     search = search_of(rows_of(1), np.real(np.poly(POLES[1])), 0.05)
     search._deadline = Deadline(left)
-    assert search._following(share, spent) == pytest.approx(following, rel=1e-4)
+    assert search._following(share, spent, 4.0) == pytest.approx(following, rel=1e-4)
 
 
 def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
