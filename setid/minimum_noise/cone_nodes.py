@@ -63,7 +63,7 @@ class ConeNode(NamedTuple):
 
 
 class Examined(NamedTuple):
-    """What is known of a cone after its programs.
+    """Results of the programs of one cone.
 
     Parameters
     ----------

@@ -201,7 +201,7 @@ class _Program:
         return (*best[:3], at.coupled.weights)
 
     def needed(self, at: _Point, totals: Totals) -> Reals:
-        """What each pair needs, beside its noise (pairs,)."""
+        """The left side that each pair reaches, beside its noise (pairs,)."""
         return np.asarray(-totals.products[: self.count] - at.minors @ self.minors, np.float64)
 
     def _step(self, at: _Point, totals: Totals) -> tuple[_Point, Totals, float]:

@@ -22,7 +22,7 @@ Integers = NDArray[np.int64]
 
 
 class Fixed(NamedTuple):
-    """What is the same in all steps.
+    """Data that are the same in all steps.
 
     Parameters
     ----------
