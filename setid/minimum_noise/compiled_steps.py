@@ -158,11 +158,11 @@ def _ratios(at):
 
 @jit
 def _band(weights, vectors, places):
-    """The lower band of F' diag(weights) F."""
+    """The lower band of F' diag(weights) F, with rows behind it that ``_factored`` may touch."""
     size = len(vectors)
     rows = weights.shape[1] - size + 1
     width = (size * size + LANES - 1) // LANES * LANES
-    found, sums = np.zeros(((rows + size) * size, width)), np.empty(rows)
+    found, sums = np.zeros((rows * size + width, width)), np.empty(rows)
     for c in range(size):
         for e in range(size):
             for d in range(1 if e < c else 0, size):

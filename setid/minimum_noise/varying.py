@@ -217,7 +217,7 @@ class _Search:
         left = self._deadline.left
         fall = _FALL
         if left is not None:
-            fall = (spent / max(_PART * left, spent)) ** (1.0 / growth)
+            fall = (spent / max(_PART * left, spent, _BRIEF)) ** (1.0 / growth)
         share *= min(max(fall, _FALL), _LITTLE)
         return share if share > _NEAR * self._tol else self._tol
 

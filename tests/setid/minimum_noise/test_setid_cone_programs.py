@@ -254,6 +254,7 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
         (0.25, 80.0, 60.0, 0.225),  # dear: a little less
         (0.07, 0.0, 60.0, 0.05),  # the tolerance is near
         (0.25, 9.0, None, 0.125),
+        (0.25, 0.0, 0.0, 0.125),  # no time at all
     ],
 )
 def test_the_next_target_takes_a_part_of_the_time(
@@ -399,6 +400,20 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
         _, totals = steps.advanced(at, step, 0.0, 0.0, multipliers, fixed)
         np.testing.assert_allclose(totals.products, multipliers.T.ravel() @ known, rtol=1e-12)
         np.testing.assert_allclose(totals.noise, np.abs(at.filtered) @ w, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_a_factor_has_room_behind_its_last_column(order: int) -> None:
+    """Elimination updates as many rows as vectors are wide, by addresses that nothing checks."""
+    compiled, size, samples = cone_programs._compiled(), order + 1, 20
+    one, two = np.triu_indices(size)
+    places = np.zeros((size, size), np.int64)
+    places[one, two] = places[two, one] = np.arange(one.size)
+    band = compiled._band(np.ones((one.size, samples)), np.eye(size), places)
+    count, width = (samples - order) * size, band.shape[1]
+    assert width >= size * size and width % 8 == 0
+    assert len(band) >= count - 1 + width
+    assert not band[count:].any()
 
 
 def test_steps_say_where_a_matrix_is_singular() -> None:
