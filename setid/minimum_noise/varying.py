@@ -197,7 +197,7 @@ class _Search:
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
             return self._found(output)
-        before, share, wider = copy.copy(self), _FIRST, 1.0  # keeps its lists
+        before, share, wider = copy.copy(self), max(_FIRST, self._tol), 1.0  # keeps its lists
         self._begin()
         spent, growth = 0.0, _GROWTH
         while not self._ended:
@@ -206,7 +206,7 @@ class _Search:
             if share <= self._tol:
                 break
             spent = time.monotonic() - begun
-            if earlier > _BRIEF:
+            if min(earlier, spent) > _BRIEF:
                 growth = max(_GROWTH, np.log(spent / earlier) / np.log(wider / share))
             wider, share = share, self._following(share, spent, growth)
         found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
