@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from setid.minimum_noise.cones import monic
+from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import first_cones
 from sparsepop_py.budget import Deadline

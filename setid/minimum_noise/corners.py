@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cones import edge_weights, monic
+from setid.minimum_noise.cones.edges import edge_weights, monic
 from setid.minimum_noise.programs import Programs, shifted
 from setid.proofs.least_noise.denominator_cells import (
     Cell,

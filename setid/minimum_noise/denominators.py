@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cones import changing_edge, handed_on, monic
+from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
+from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, longest_stretch, shifted
-from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     Cone,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import product
 from typing import Any
@@ -13,13 +14,14 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import setid
-from setid.minimum_noise import cone_programs, plain_steps, varying
 from setid.minimum_noise.attained_noise import AttainedNoise
-from setid.minimum_noise.cone_nodes import Examined
-from setid.minimum_noise.cone_programs import ConeBound, ConePrograms
-from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized
+from setid.minimum_noise.cones import linear_programs, plain_steps
+from setid.minimum_noise.cones import search as cone_search
+from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
+from setid.minimum_noise.cones.nodes import Examined
+from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
+from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretch
-from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
     Cone,
     OutputRows,
@@ -33,6 +35,19 @@ from sparsepop_py.executors.processes import Processes
 
 Reals = NDArray[np.float64]
 POLES = {1: [0.6], 2: [0.7 + 0.2j, 0.7 - 0.2j], 3: [0.9, 0.5 + 0.4j, 0.5 - 0.4j]}
+
+
+def fixed_and_point(
+    random: np.random.Generator, size: int, samples: int, columns: Reals
+) -> tuple[Fixed, Sized]:
+    """Random data of steps, and a point inside."""
+    one, two = np.triu_indices(size)
+    places, shape = np.zeros((size, size), np.int64), (one.size, samples)
+    places[one, two] = places[two, one] = np.arange(one.size)
+    w = random.uniform(0.5, 1.5, samples)
+    inside = random.uniform(1.0, 2.0, shape), random.uniform(-0.9, 0.9, shape)
+    at = Sized(*inside, *random.uniform(0.1, 9.0, (2, *shape)))
+    return Fixed(w / w.sum(), 3.0, random.standard_normal((size, size)), places, columns), at
 
 
 def rows_of(order: int, samples: int = 30, size: float = 1.0) -> OutputRows:
@@ -169,12 +184,12 @@ def test_a_search_closes_from_random_denominators(order: int) -> None:
 
 def search_of(
     rows: OutputRows, denominator: Reals, tol: float, executor: Executor | None = None
-) -> varying._Search:
+) -> cone_search._Search:
     """A search that knows one denominator."""
     programs = Programs(rows, longest_stretch(rows.row))
     attained = AttainedNoise(programs, rows.stable)
     attained.try_denominator(denominator)
-    return varying._Search(rows, programs, attained, tol, Deadline(60.0), executor)
+    return cone_search._Search(rows, programs, attained, tol, Deadline(60.0), executor)
 
 
 def wandering() -> OutputRows:
@@ -198,7 +213,7 @@ def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
         return solve(self, *arguments)
 
     monkeypatch.setattr(ConePrograms, "solve", counted)
-    monkeypatch.setattr(varying._Search, "_ended", property(lambda self: left[0] <= 0))
+    monkeypatch.setattr(cone_search._Search, "_ended", property(lambda self: left[0] <= 0))
     search = search_of(rows, np.array([1.0, -1.0, 0.0, 0.0]), 0.02)
     before = search.run(0)
     assert search._waiting and before.factor < 0.5 * search._attained.level
@@ -230,9 +245,9 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
 ) -> None:
     rows, shares = rows_of(2), list[float]()
     search = search_of(rows, np.real(np.poly(POLES[2])), 0.05)
-    reach = varying._Search._reach
+    reach = cone_search._Search._reach
 
-    def slow(self: varying._Search, share: float) -> None:
+    def slow(self: cone_search._Search, share: float) -> None:
         shares.append(share)
         if len(shares) > 1:
             return reach(self, share)
@@ -240,7 +255,7 @@ def test_targets_fall_and_rise_where_the_last_one_takes_too_long(
         self._until = Deadline(0.0)
         return None
 
-    monkeypatch.setattr(varying._Search, "_reach", slow)
+    monkeypatch.setattr(cone_search._Search, "_reach", slow)
     found = search.run(0)
     assert shares == [0.05, 0.5, 0.25, 0.125, 0.05]
     assert not search._waiting and found.factor >= 0.949 * search._attained.level
@@ -265,20 +280,42 @@ def test_the_next_target_takes_a_part_of_the_time(
     assert search._following(share, spent, 4.0) == pytest.approx(following, rel=1e-4)
 
 
+def test_the_growth_is_that_of_the_last_two_targets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Targets take 0.1, 1, 32 and 64 s: brief ones tell nothing, and growth is 3.5 or more."""
+    search = search_of(rows_of(2), np.real(np.poly(POLES[2])), 0.01)
+    clock, spent, seen = [0.0], iter([0.0, 0.1, 1.0, 32.0, 64.0]), list[tuple[float, float]]()
+
+    def slow(self: cone_search._Search, share: float) -> None:
+        clock[0] += next(spent)
+        self._until = Deadline(0.0 if not clock[0] else None)
+
+    def halved(self: cone_search._Search, share: float, spent: float, growth: float) -> float:
+        seen.append((share, growth))
+        return 0.5 * share if len(seen) < 4 else 0.01
+
+    monkeypatch.setattr(cone_search._Search, "_reach", slow)
+    monkeypatch.setattr(cone_search._Search, "_following", halved)
+    monkeypatch.setattr(cone_search.time, "monotonic", lambda: clock[0])
+    with pytest.raises(StopIteration):
+        search.run(0)
+    assert [share for share, _ in seen] == [0.5, 0.25, 0.125, 0.0625]
+    assert [growth for _, growth in seen] == pytest.approx([3.5, 3.5, 5.0, 3.5])
+
+
 def test_what_the_last_target_refuted_is_kept_where_rising_ones_refute_less(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rows, calls = rows_of(2), list[float]()
     search = search_of(rows, np.real(np.poly(POLES[2])), 0.05)
-    reach = varying._Search._reach
+    reach = cone_search._Search._reach
 
-    def once(self: varying._Search, share: float) -> None:
+    def once(self: cone_search._Search, share: float) -> None:
         calls.append(share)
         if len(calls) == 1:
             reach(self, share)
             self._until = Deadline(0.0)
 
-    monkeypatch.setattr(varying._Search, "_reach", once)
+    monkeypatch.setattr(cone_search._Search, "_reach", once)
     found = search.run(0)
     assert len(calls) > 1 and found.factor >= 0.949 * search._attained.level
     assert found.cells is not None
@@ -293,11 +330,13 @@ def test_better_denominators_lower_the_target_of_cones_in_the_queue() -> None:
 
 
 @pytest.mark.parametrize("shut", [False, True])
-@pytest.mark.parametrize("kind", [Processes, ThreadPoolExecutor])
-def test_an_executor_solves_the_programs_of_several_cones(kind: type[Executor], shut: bool) -> None:
+@pytest.mark.parametrize("opened", [Processes, ThreadPoolExecutor])
+def test_an_executor_solves_the_programs_of_several_cones(
+    opened: Callable[[int], Executor], shut: bool
+) -> None:
     """One that is shut down takes no tasks: they are solved here."""
     rows = rows_of(3)
-    with kind(2) as pool:  # type: ignore[call-arg]
+    with opened(2) as pool:
         if shut:
             pool.shutdown()
         search = search_of(rows, np.real(np.poly(POLES[3])), 0.02, pool)
@@ -310,32 +349,14 @@ def test_an_executor_solves_the_programs_of_several_cones(kind: type[Executor], 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
     """From a random point inside, for each function; the factor itself is stored differently."""
-    compiled, random, size, samples = (
-        cone_programs._compiled(),
-        np.random.default_rng(3),
-        order + 1,
-        40,
-    )
-    one, two = np.triu_indices(size)
-    places, rows = np.zeros((size, size), np.int64), (samples - order) * size
-    places[one, two] = places[two, one] = np.arange(one.size)
-    columns = np.zeros((rows, 16 * size))
-    columns[:, : 16 * size - 3] = random.standard_normal((rows, 16 * size - 3))
-    w, vectors = random.uniform(0.5, 1.5, samples), random.standard_normal((size, size))
-    fixed, shape = Fixed(w / w.sum(), 3.0, vectors, places, columns), (one.size, samples)
-    at = Sized(
-        random.uniform(1.0, 2.0, shape),
-        random.uniform(-0.9, 0.9, shape),
-        *random.uniform(0.1, 9.0, (2, *shape)),
-    )
-    before, now = (
-        Sized(*random.standard_normal((4, *shape))),
-        Coupled(vectors.ravel()[: one.size], 0.7),
-    )
-    change, beside = (
-        Coupled(random.standard_normal(one.size), -0.3),
-        random.standard_normal(16 * size),
-    )
+    compiled, random = linear_programs._compiled(), np.random.default_rng(3)
+    size, samples = order + 1, 40
+    columns = np.zeros(((samples - order) * size, 16 * size))
+    columns[:, :-3] = random.standard_normal((len(columns), 16 * size - 3))
+    fixed, at = fixed_and_point(random, size, samples, columns)
+    before = Sized(*random.standard_normal((4, *at.sizes.shape)))
+    now, change = (Coupled(random.standard_normal(len(at.sizes)), x) for x in (0.7, -0.3))
+    beside = random.standard_normal(16 * size)
     found = []
     for steps in (plain_steps, compiled):
         reduced = steps.eliminated(at, now.weights, fixed)
@@ -352,32 +373,56 @@ def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
         np.testing.assert_allclose(fast, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
 
 
+def test_directions_solve_the_equations_of_sizes() -> None:
+    """Products of slacks and duals, and dual values of sizes, as they are after the step."""
+    random, aim = np.random.default_rng(5), 0.2
+    fixed, at = fixed_and_point(random, 3, 20, random.standard_normal((54, 16)))
+    before = Sized(*random.standard_normal((4, *at.sizes.shape)))
+    now, change = (Coupled(random.standard_normal(6), x) for x in (0.7, -0.3))
+    for steps in (plain_steps, linear_programs._compiled()):
+        reduced = steps.eliminated(at, now.weights, fixed)
+        half = steps.forward(aim, at, before, now, fixed, reduced)
+        _, step, least, sums = steps.backward(np.ones(16), half, at, change, fixed, reduced)
+        slacks, changes, products = [], [], []
+        for sign, dual, turn, second in (
+            (-1.0, at.above, step.above, before.above),
+            (1.0, at.below, step.below, before.below),
+        ):
+            slack, moved = at.sizes + sign * at.filtered, step.sizes + sign * step.filtered
+            twice = (before.sizes + sign * before.filtered) * second
+            reached = slack * dual + moved * dual + slack * turn + twice
+            np.testing.assert_allclose(reached, aim, atol=1e-8 * np.abs(slack * dual).max())
+            slacks.append(np.min(moved / slack))
+            changes.append(np.min(turn / dual))
+            products.append([(slack * dual).sum(), (moved * dual).sum(), (slack * turn).sum()])
+            products[-1].append((moved * turn).sum())
+        np.testing.assert_allclose(least, [min(slacks), min(changes)], rtol=1e-9)
+        np.testing.assert_allclose(sums, np.sum(products, axis=0), rtol=1e-8)
+        weights, level = now.weights + change.weights, now.dual_level + change.dual_level
+        wanted = (3.0 * weights[:, None] + level) * fixed.w
+        after = at.above + step.above + at.below + step.below
+        np.testing.assert_allclose(after, wanted, atol=1e-8 * np.abs(after).max() + 1e-8)
+
+
 def test_steps_eliminate_as_dense_matrices_do() -> None:
     """The filters as a dense matrix, by numpy.convolve."""
     random, size, samples = np.random.default_rng(4), 3, 12
     one, two = np.triu_indices(size)
-    places, rows = np.zeros((size, size), np.int64), samples - size + 1
-    places[one, two] = places[two, one] = np.arange(one.size)
-    vectors, shape = random.standard_normal((size, size)), (one.size, samples)
+    rows, shape = samples - size + 1, (one.size, samples)
+    known = np.zeros((rows * size, 16))
+    known[:, : one.size] = random.standard_normal((rows * size, one.size))
+    fixed, at = fixed_and_point(random, size, samples, known)
+    vectors, w = fixed.vectors, fixed.w
     dense = np.zeros((*shape, rows, size))
     for (p, (j, k)), r in product(enumerate(zip(one, two, strict=True)), range(rows)):
         unit = np.eye(rows)[r]
         dense[p, :, r, k] += np.convolve(vectors[j][::-1], unit)
         dense[p, :, r, j] += np.convolve(vectors[k][::-1], unit)
     flat = dense.reshape(*shape, -1)
-    w = np.full(samples, 1.0 / samples)
-    known = np.zeros((rows * size, 16))
-    known[:, : one.size] = random.standard_normal((rows * size, one.size))
-    fixed = Fixed(w, 3.0, vectors, places, known)
-    at = Sized(
-        random.uniform(1.0, 2.0, shape),
-        random.uniform(-0.9, 0.9, shape),
-        *random.uniform(0.1, 9.0, (2, *shape)),
-    )
     down, up = at.above / (at.sizes - at.filtered), at.below / (at.sizes + at.filtered)
     matrix = np.einsum("psi,ps,psj->ij", flat, 4.0 * down * up / (down + up), flat)
     spread = np.einsum("psi,ps->pi", flat, w * (down - up) / (down + up))
-    for steps in (plain_steps, cone_programs._compiled()):
+    for steps in (plain_steps, linear_programs._compiled()):
         weights = np.linspace(1.0, 2.0, one.size)
         reduced = steps.eliminated(at, weights, fixed)
         right = np.column_stack([3.0 * spread.T, spread.sum(axis=0)]) + known[:, : one.size + 1]
@@ -405,7 +450,7 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_a_factor_has_room_behind_its_last_column(order: int) -> None:
     """Elimination updates as many rows as vectors are wide, by addresses that nothing checks."""
-    compiled, size, samples = cone_programs._compiled(), order + 1, 20
+    compiled, size, samples = linear_programs._compiled(), order + 1, 20
     one, two = np.triu_indices(size)
     places = np.zeros((size, size), np.int64)
     places[one, two] = places[two, one] = np.arange(one.size)
@@ -422,14 +467,14 @@ def test_steps_say_where_a_matrix_is_singular() -> None:
         np.full(9, 1 / 9), 1.0, np.zeros((2, 2)), np.array([[0, 1], [1, 2]]), np.zeros((16, 16))
     )
     at = Sized(np.ones((3, 9)), *np.zeros((1, 3, 9)), *np.ones((2, 3, 9)))
-    for steps in (plain_steps, cone_programs._compiled()):
+    for steps in (plain_steps, linear_programs._compiled()):
         assert not steps.eliminated(at, np.ones(3), fixed).fine
 
 
 def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "setid.minimum_noise.compiled_steps", None)
-    monkeypatch.delattr("setid.minimum_noise.compiled_steps", raising=False)
-    assert cone_programs._compiled() is plain_steps
+    monkeypatch.setitem(sys.modules, "setid.minimum_noise.cones.compiled_steps", None)
+    monkeypatch.delattr("setid.minimum_noise.cones.compiled_steps", raising=False)
+    assert linear_programs._compiled() is plain_steps
 
 
 def test_programs_that_come_slowly_are_left() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from setid.minimum_noise.cones import changing_edge
+from setid.minimum_noise.cones.edges import changing_edge
 
 FILTERED, ONES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.2, 0.8]]), np.ones(3)
 

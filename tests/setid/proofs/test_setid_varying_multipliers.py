@@ -11,8 +11,8 @@ from scipy.optimize import linprog
 
 import setid
 from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretch
-from setid.minimum_noise.varying import follow_denominators
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     DenominatorCells,

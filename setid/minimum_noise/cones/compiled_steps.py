@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from setid.minimum_noise.plain_steps import Half, Reduced, Sized, Totals
+from setid.minimum_noise.cones.plain_steps import Half, Reduced, Sized, Totals
 from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,

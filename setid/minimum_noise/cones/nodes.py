@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from setid.minimum_noise.cone_programs import ConeBound, ConePrograms
+from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
 from setid.proofs.least_noise.denominator_cells import Cone, VaryingLeaf
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
 

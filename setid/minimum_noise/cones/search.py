@@ -3,7 +3,7 @@
 Best first, as in ``denominators.py``. Each vector of a cone has its own multiplier; together they
 are a family, which follows the dual solution through the cone. What a family refutes falls short
 by second order in the width of the cone. The best family of a cone is the solution of a linear
-program, see ``cone_programs.py``. Where it does not reach the target, its dual solution tells
+program, see ``linear_programs.py``. Where it does not reach the target, its dual solution tells
 which pair of vectors to part. A target that takes too long is approached from below.
 """
 
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.attained_noise import AttainedNoise
 from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cone_nodes import ConeNode, Examined, examined, first_node
-from setid.minimum_noise.cone_programs import ConePrograms
-from setid.minimum_noise.cones import changing_edge
+from setid.minimum_noise.cones.edges import changing_edge
+from setid.minimum_noise.cones.linear_programs import ConePrograms
+from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import (
     Cell,

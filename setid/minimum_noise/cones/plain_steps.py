@@ -1,6 +1,6 @@
 """Steps of the linear program of a cone, by numpy and LAPACK.
 
-The notation is that of ``cone_programs.py``. The slacks u, v = sizes -+ filtered with their duals
+The notation is that of ``linear_programs.py``. The slacks u, v = sizes -+ filtered with their duals
 a, b leave a step by the diagonal matrix a / u + b / v. The multipliers then have the banded matrix
 F' diag(4 / (u / a + v / b)) F, where F filters. Flat multipliers have those of a row together.
 """

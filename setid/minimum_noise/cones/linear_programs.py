@@ -29,8 +29,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.minimum_noise import plain_steps
-from setid.minimum_noise.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
+from setid.minimum_noise.cones import plain_steps
+from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.denominator_cells import Cone
 from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
@@ -368,7 +368,7 @@ class _Newton:
 def _compiled() -> ModuleType:
     """Steps compiled by numba, which read factors once; by LAPACK where numba is missing."""
     try:
-        from setid.minimum_noise import compiled_steps
+        from setid.minimum_noise.cones import compiled_steps
     except ImportError:
         return plain_steps
     return compiled_steps
