@@ -202,7 +202,7 @@ class Consistency(NoiseScale):
 
     def __repr__(self) -> str:
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
-        return f"<Consistency: factor {low} (proved) to {high}>"
+        return f"<Consistency: factor {low} (proved) to {high} (attained)>"
 
 
 _MEANING = {

@@ -49,7 +49,7 @@ def test_work_is_counted_by_thread_and_ends_a_deadline() -> None:
     start, deadline = spent(), Deadline(None, work_limit=1.0)
     assert deadline.left is None and deadline.end == np.inf and deadline.counts_work
     spend(0.75)
-    assert spent() - start == 0.75 and deadline.now() == spent()
+    assert spent() - start == pytest.approx(0.75) and deadline.now() == spent()
     assert not deadline.over
     spend(0.5)
     assert deadline.over

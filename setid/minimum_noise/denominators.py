@@ -21,7 +21,7 @@ from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
-from setid.minimum_noise.programs import Programs, longest_stretch, shifted
+from setid.minimum_noise.programs import Programs, longest_stretches, shifted
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     Cone,
@@ -78,7 +78,7 @@ def least_output_noise(
     executor : concurrent.futures.Executor, optional
         Refutes several cones at once, where multipliers vary within each.
     """
-    section = longest_stretch(rows.row)
+    section = longest_stretches(rows.row, rows.order)
     if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
         return FoundDenominators(0.0, None, ())
     programs = Programs(rows, section)

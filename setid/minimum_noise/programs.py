@@ -8,40 +8,80 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from setid.minimum_noise.exchanges import approximated
 from setid.proofs.least_noise.denominator_cells import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
-__all__ = ["Programs", "longest_stretch", "shifted"]
+__all__ = ["Programs", "longest_stretches", "shifted"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_EXCHANGES = 120
-_ALMOST = 1e-3  # of a level: where an exchange ends
+_STRETCHES = 20  # each has n states of its own
 
 
-def longest_stretch(row: NDArray[np.bool_]) -> Integers:
-    """The longest stretch of rows without a gap."""
+def longest_stretches(row: NDArray[np.bool_], order: int) -> Integers:
+    """Number the rows of the longest stretches without a gap, which share no reading.
+
+    Parameters
+    ----------
+    row : (N,) bool
+    order : int
+        Stretches less than this apart share readings: the longer one counts.
+
+    Examples
+    --------
+    >>> longest_stretches(np.array([True, False, True, True, True, False, False, True]), 2)
+    array([2, 3, 4, 7])
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(np.int8)))
-    if not edges.size:
-        return np.zeros(0, np.int64)
-    begins, ends = edges[::2], edges[1::2]
-    place = int(np.argmax(ends - begins))
-    return np.arange(begins[place], ends[place])
+    found: list[tuple[int, int]] = []
+    for begin, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda pair: pair[0] - pair[1]):
+        if len(found) == _STRETCHES:
+            break
+        if all(begin - other[1] >= order or other[0] - end >= order for other in found):
+            found.append((begin, end))
+    return np.concatenate([np.zeros(0, np.int64), *(np.arange(*pair) for pair in sorted(found))])
 
 
 class Programs:
-    """Least noise for one denominator after the other, on a stretch of rows."""
+    """Least noise for one denominator after the other, on stretches of rows.
+
+    The samples of the stretches follow one another. So n rows between two of them mean nothing:
+    their multipliers are zero.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    section : (r,) int
+        Rows, in increasing order; at least n lie between two stretches of them.
+
+    Attributes
+    ----------
+    samples : (S,) int
+        Numbers of the samples that these rows read.
+    silent : (S - n - r,) int
+        Rows among the S - n that mean nothing.
+    basis : (S - n, c) float
+        Orthonormal columns of the numerator, zero in silent rows.
+    """
 
     def __init__(self, rows: OutputRows, section: Integers) -> None:
-        self.order, self.section = rows.order, section
-        self.samples = slice(int(section[0]) - rows.order, int(section[-1]) + 1)
+        n = rows.order
+        self.order, self.section = n, section
+        pieces = np.split(section, np.flatnonzero(np.diff(section) > 1) + 1)
+        self.samples = np.concatenate([np.arange(p[0] - n, p[-1] + 1) for p in pieces])
+        begins = np.cumsum([0, *(p.size + n for p in pieces[:-1])]).tolist()
+        self._stretches = [slice(k, k + p.size) for k, p in zip(begins, pieces, strict=True)]
+        self._heard = np.concatenate([np.arange(part.start, part.stop) for part in self._stretches])
         self.y = rows.y[self.samples]
+        self.silent = np.setdiff1d(np.arange(self.y.size - n), self._heard)
         bound = rows.bound[self.samples]
         self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
         self.known = rows.known[section]
         self.length, self.norm = rows.y.size, rows.norm
         self.free = self._free()
-        self.basis = np.linalg.qr(self.known)[0]
+        self.basis = np.zeros((self.y.size - n, self.known.shape[1]))
+        self.basis[self._heard] = np.linalg.qr(self.known)[0]
 
     def _free(self) -> Integers | None:
         count = self.known.shape[1]
@@ -57,8 +97,6 @@ class Programs:
         if basis is None:
             return None
         target = self.y / self.bound
-        if reference is None:
-            reference = np.linspace(0, target.size - 1, basis.shape[1] + 1).astype(np.int64)
         with np.errstate(all="ignore"):
             found = self._approximated(basis, target, reference)
         if found is None:
@@ -67,16 +105,26 @@ class Programs:
         multiplier = self.multiplier(a, reference, shares)
         if multiplier is None:
             return None
-        whole = np.zeros(self.length)
-        whole[self.section] = multiplier
-        return level, whole, reference
+        return level, self.whole(multiplier), reference
+
+    def whole(self, multiplier: Reals) -> Reals:
+        """Place a multiplier (S - n,) of these rows in those of the record, (N,)."""
+        found = np.zeros(self.length)
+        found[self.section] = multiplier[self._heard]
+        return found
+
+    def part(self, multiplier: Reals) -> Reals:
+        """Take a multiplier (N,) of the rows of the record to these, (S - n,)."""
+        found = np.zeros(self.y.size - self.order)
+        found[self._heard] = multiplier[self.section]
+        return found
 
     def _approximated(
-        self, basis: Reals, target: Reals, reference: Integers
+        self, basis: Reals, target: Reals, reference: Integers | None
     ) -> tuple[float, Reals, Integers] | None:
         """The least error of a target, and the dual solution at the samples that it uses."""
         if self.norm == "linf":
-            return _exchanged(basis, target, reference)
+            return approximated(basis, target, reference)
         every = np.arange(target.size)
         if self.norm == "l2":
             rest = target - basis @ (basis.T @ target)
@@ -108,13 +156,28 @@ class Programs:
         return found if np.all(np.isfinite(found)) else None
 
     def outputs(self, a: Reals) -> Reals | None:
-        """Outputs without noise, (S, n + c): of each column and each first or last sample."""
-        n, count = self.order, self.y.size
+        """Outputs without noise (S, c + n s): of columns, and of n states in each stretch."""
+        n, count = self.order, self.known.shape[1]
+        found, begin = np.zeros((self.y.size, count + n * len(self._stretches))), 0
+        for number, part in enumerate(self._stretches):
+            end = begin + part.stop - part.start
+            own = self._stretch_outputs(a, self.known[begin:end])
+            place, begin = slice(part.start, part.stop + n), end
+            found[place, :count] = own[:, :count]
+            found[place, count + number * n : count + (number + 1) * n] = own[:, count:]
+        size = np.abs(found).max(axis=0, initial=0.0)
+        if not np.all(np.isfinite(size)) or np.any(size == 0.0):
+            return None
+        return np.asarray(found / size, np.float64)
+
+    def _stretch_outputs(self, a: Reals, known: Reals) -> Reals:
+        """Outputs of one stretch, of each column and each first or last sample."""
+        n, count = self.order, len(known) + self.order
         inside, outside = _factored(a)
         ahead, back = inside.size - 1, outside.size - 1
         columns = [
             _forward(inside, np.zeros(ahead), _backward(outside, np.zeros(back), column))
-            for column in self.known.T
+            for column in known.T
         ]
         for end in np.eye(back):
             columns.append(
@@ -122,23 +185,27 @@ class Programs:
             )
         for start in np.eye(ahead):
             columns.append(_forward(inside, start, np.zeros(count - ahead)))
-        found = np.array(columns).reshape(len(columns), count).T
-        size = np.abs(found).max(axis=0, initial=0.0)
-        if not np.all(np.isfinite(size)) or np.any(size == 0.0):
-            return None
-        return np.asarray(found / size, np.float64)
+        return np.array(columns).reshape(len(columns), count).T
 
     def adjoint(self, a: Reals, errors: Reals) -> Reals:
-        """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k)."""
-        inside, outside = _factored(a)
-        ahead, back = inside.size - 1, outside.size - 1
-        inner = _response(inside, errors[::-1])[::-1][ahead:]
-        if not back:
-            return np.asarray(inner / outside[0], np.float64)
-        turned = outside[::-1] / outside[-1]
-        return np.asarray(
-            _response(turned, inner / outside[-1])[: self.y.size - self.order], np.float64
-        )
+        """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k), zero in silent rows."""
+        found = np.zeros(self.y.size - self.order)
+        for part in self._stretches:
+            found[part] = _adjoint(a, errors[part.start : part.stop + self.order])
+        return found
+
+
+def _adjoint(a: Reals, errors: Reals) -> Reals:
+    """Multipliers (S - n,) of one stretch with sum_i a_i lambda(k + i) = errors(k)."""
+    inside, outside = _factored(a)
+    ahead, back = inside.size - 1, outside.size - 1
+    inner = _response(inside, errors[::-1])[::-1][ahead:]
+    if not back:
+        return np.asarray(inner / outside[0], np.float64)
+    turned = outside[::-1] / outside[-1]
+    return np.asarray(
+        _response(turned, inner / outside[-1])[: errors.size - (a.size - 1)], np.float64
+    )
 
 
 def _factored(a: Reals) -> tuple[Reals, Reals]:
@@ -169,54 +236,6 @@ def _backward(factor: Reals, end: Reals, drive: Reals) -> Reals:
     return np.asarray(
         _response(turned, np.concatenate([end, drive[::-1] / factor[-1]]))[::-1], np.float64
     )
-
-
-def _exchanged(
-    basis: Reals, target: Reals, reference: Integers
-) -> tuple[float, Reals, Integers] | None:
-    """Approximate a target in the largest error by single exchanges (E. Stiefel, 1960).
-
-    Returns
-    -------
-    level : float
-        The largest error that is left.
-    shares : (c + 1,) float
-        Dual solution at the reference, sizes of which sum up to 1.
-    reference : (c + 1,) int
-    """
-    count, reference = basis.shape[1], reference.copy()
-    weights = np.linalg.svd(basis[reference].T)[2][-1]
-    signs = np.where(weights * np.sign(weights @ target[reference] or 1.0) >= 0, 1.0, -1.0)
-    try:
-        inverse = np.linalg.inv(_columns(basis, reference, signs))
-        level = np.inf
-        for step in range(_EXCHANGES):
-            solved = (signs * target[reference]) @ inverse
-            errors = target - basis @ solved[:count]
-            worst = int(np.argmax(np.abs(errors)))
-            level = abs(float(errors[worst]))
-            if level <= solved[count] * (1.0 + _ALMOST) + 1e-14:
-                break
-            sign = 1.0 if errors[worst] > 0 else -1.0
-            along = inverse @ np.append(sign * basis[worst], 1.0)
-            usable = along > 1e-11
-            if not np.any(usable):
-                break
-            ratios = np.where(usable, inverse[:, -1] / np.where(usable, along, 1.0), np.inf)
-            place = int(np.argmin(ratios))
-            reference[place], signs[place] = worst, sign
-            row = inverse[place] / along[place]
-            inverse = inverse - np.outer(along, row)
-            inverse[place] = row
-            if step % 30 == 29:
-                inverse = np.linalg.inv(_columns(basis, reference, signs))
-    except np.linalg.LinAlgError:
-        return None
-    return level, np.asarray(inverse[:, -1] * signs, np.float64), reference
-
-
-def _columns(basis: Reals, reference: Integers, signs: Reals) -> Reals:
-    return np.vstack([(basis[reference] * signs[:, None]).T, np.ones(reference.size)])
 
 
 def shifted(multiplier: Reals, order: int) -> Reals:

@@ -35,6 +35,7 @@ def eliminated(at, weights, fixed):
     w, pairs = fixed.w, len(weights)
     both, skew, middle = _ratios(at)
     factor = _band(middle, fixed.vectors, fixed.places)
+    _silence(factor, fixed.silent)
     columns = fixed.columns.copy()
     count, width = columns.shape
     fine = _factored(factor, count, np.zeros(2 * factor.shape[1]))
@@ -48,6 +49,7 @@ def eliminated(at, weights, fixed):
             loss[i] += weights[p] * fixed.columns[i, p]
     if fine:
         _gather(columns, skew, fixed)
+        columns[fixed.silent] = 0.0
         _substitute(factor, columns, count)
         _products(columns, inner)
     return Reduced(fine, both, skew, factor, columns, curve, inner, loss)
@@ -74,6 +76,7 @@ def forward(aim, at, step, now, fixed, reduced):
     drive = np.zeros(count + width)
     drive[:count] = reduced.loss
     _transpose(drive, push, fixed)
+    drive[fixed.silent] = 0.0
     base, start = reduced.factor.ctypes.data, drive.ctypes.data
     for i in range(count):
         value = drive[i] * reduced.factor[i, 0]
@@ -177,6 +180,16 @@ def _band(weights, vectors, places):
                 for r in range(rows - d):
                     found[r * size + c, place] = sums[r]
     return found
+
+
+@jit
+def _silence(band, silent):
+    """Part unknowns from all others, with 1 on the diagonal."""
+    for i in silent:
+        band[i] = 0.0
+        for place in range(1, min(band.shape[1], i + 1)):
+            band[i - place, place] = 0.0
+        band[i, 0] = 1.0
 
 
 @jit

@@ -170,7 +170,9 @@ class _Program:
         places[one, two] = places[two, one] = np.arange(self.count)
         columns = columns.copy()
         columns[:, : self.count] = -paired_columns(np.tile(programs.y, (self.count, 1)), vectors).T
-        self.fixed = Fixed(w, target, vectors, places, columns)
+        silent = (programs.silent[:, None] * size + np.arange(size)).ravel()
+        columns[silent] = 0.0
+        self.fixed = Fixed(w, target, vectors, places, columns, silent)
         self._rows = programs.y.size - programs.order
 
     def run(self, patience: float) -> tuple[float, Reals, Reals, Reals]:

@@ -131,7 +131,7 @@ def _centred(solver: ConePrograms, node: ConeNode) -> tuple[ConeNode, Reals | No
         return node._replace(centred=True), None, np.inf
     level, multiplier, reference = solved
     n, length = programs.order, programs.y.size
-    padded = np.concatenate([np.zeros(n), multiplier[programs.section], np.zeros(n)])
+    padded = np.concatenate([np.zeros(n), programs.part(multiplier), np.zeros(n)])
     centre = sliding_window_view(padded, length)
     node = node._replace(centred=True, reference=reference, centre=centre)
     unstable = solver.stable and np.abs(np.roots(a)).max(initial=0.0) >= _ALMOST_STABLE

@@ -34,6 +34,8 @@ class Fixed(NamedTuple):
         Number of the pair of two vectors.
     columns : (R K, m) float
         Right-hand sides: pairs, the sum of sizes, known columns. Zeros fill the rest.
+    silent : (...,) int
+        Numbers of multipliers among the R K that stay 0; columns are 0 there.
     """
 
     w: Reals
@@ -41,6 +43,7 @@ class Fixed(NamedTuple):
     vectors: Reals
     places: Integers
     columns: Reals
+    silent: Integers
 
 
 class Sized(NamedTuple):
@@ -157,6 +160,7 @@ def eliminated(at: Sized, weights: Reals, fixed: Fixed) -> Reduced:
     loss = fixed.columns[:, :pairs] @ weights
     columns = fixed.columns.copy()
     band = _band(4.0 * one * two / total, fixed.vectors, fixed.places)
+    _silence(band, fixed.silent)
     try:
         factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=True)
     except (np.linalg.LinAlgError, ValueError):
@@ -165,6 +169,7 @@ def eliminated(at: Sized, weights: Reals, fixed: Fixed) -> Reduced:
     spread = paired_columns(w * skew, fixed.vectors)
     columns[:, :pairs] += target * spread.T
     columns[:, pairs] += spread.sum(axis=0)
+    columns[fixed.silent] = 0.0
     columns = _substituted(factor, columns)
     inner = columns.T @ columns
     return Reduced(True, total, skew, factor, columns, curve, inner, loss)
@@ -193,7 +198,9 @@ def forward(
     size = first + second - pull
     moved = (fixed.w * size / reduced.total).sum(axis=1)
     push = paired_columns(first - second - reduced.skew * size, fixed.vectors).sum(axis=0)
-    drive = _substituted(reduced.factor, push + reduced.loss)
+    push += reduced.loss
+    push[fixed.silent] = 0.0
+    drive = _substituted(reduced.factor, push)
     return Half(first, second, size, moved, drive, drive @ reduced.columns)
 
 
@@ -300,6 +307,14 @@ def _band(weights: Reals, vectors: Reals, places: Integers) -> Reals:
                 place = d * size + e - c
                 found[place // size, place % size, :, c] = entries
     return found.reshape(size * size, -1)
+
+
+def _silence(band: Reals, silent: Integers) -> None:
+    """Part unknowns from all others, with 1 on the diagonal."""
+    for place in range(1, len(band)):
+        band[place, silent] = 0.0
+        band[place, silent[silent >= place] - place] = 0.0
+    band[0, silent] = 1.0
 
 
 def _windows(table: Reals, size: int) -> Reals:

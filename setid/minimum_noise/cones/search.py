@@ -295,6 +295,4 @@ class _Search:
 
     def _multiplier(self, number: int) -> Reals:
         """A multiplier over the whole record, (N,)."""
-        whole = np.zeros(self._rows.y.size)
-        whole[self._programs.section] = self._multipliers[number]
-        return whole
+        return self._programs.whole(self._multipliers[number])

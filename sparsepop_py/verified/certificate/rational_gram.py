@@ -9,11 +9,14 @@ keeps the row of the constant for the end:
     f_0 - c = q' Q^+ q,   q being the row of the constant without its diagonal.
 
 The elimination prefers rows with few entries and short chains of rows eliminated before. A long
-chain is then eliminated from many places at once, and the fractions stay short.
+chain is then eliminated from many places at once, and the fractions stay short. That of a large
+matrix takes seconds. It is a function of the matrix and the objective alone, so the last one is
+remembered, by a digest of all their numbers.
 """
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import math
 from dataclasses import dataclass
@@ -41,6 +44,8 @@ _MANY = 200  # monomials from which rows are eliminated many at a time, as far a
 _BITS = 1_000_000  # numbers longer than this end the elimination without a result
 
 Rows = dict[int, dict[int, Fraction]]
+
+_last: tuple[bytes, Fraction | None] = b"", None  # digest of numbers, and what was hidden
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +140,31 @@ class ExactGram:
 
     def _hidden(self, objective: Polynomial | RationalPolynomial) -> Fraction | None:
         """Compute what the squares cost the constant, None unless Q is semidefinite."""
-        scaled = None
-        if self.basis.shape[0] >= _MANY and isinstance(objective, Polynomial):
-            scaled = self._whole_matrix(objective)
+        global _last
+        if self.basis.shape[0] < _MANY or not isinstance(objective, Polynomial):
+            return self._hidden_in_fractions(objective)
+        digest = _digest(
+            self.basis,
+            self.first,
+            self.second,
+            self.value,
+            objective.words,
+            objective.coefficients,
+        )
+        known, hidden = _last
+        if known != digest:
+            hidden = self._hidden_in_whole_numbers(objective)
+            _last = digest, hidden
+        return hidden
+
+    def _hidden_in_fractions(self, objective: Polynomial | RationalPolynomial) -> Fraction | None:
+        rows = self._matrix(objective)
+        return None if rows is None else _eliminated(rows)
+
+    def _hidden_in_whole_numbers(self, objective: Polynomial) -> Fraction | None:
+        scaled = self._whole_matrix(objective)
         if scaled is None:
-            rows = self._matrix(objective)
-            return None if rows is None else _eliminated(rows)
+            return self._hidden_in_fractions(objective)
         entries, bits = scaled
         found = None
         if entries is not None:
@@ -226,6 +250,15 @@ class ExactGram:
             elif rest[place]:
                 return None
         return rows
+
+
+def _digest(*arrays: NDArray[Any]) -> bytes:
+    """A digest of arrays, with the type, shape and bytes of each."""
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(f"{array.dtype.str} {array.shape} ".encode())
+        found.update(array.tobytes())
+    return found.digest()
 
 
 def _rows(entries: Entries) -> Rows:

@@ -21,7 +21,7 @@ from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
 from setid.minimum_noise.cones.nodes import Examined
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
-from setid.minimum_noise.programs import Programs, longest_stretch
+from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.proofs.least_noise.denominator_cells import (
     Cone,
     OutputRows,
@@ -47,10 +47,15 @@ def fixed_and_point(
     w = random.uniform(0.5, 1.5, samples)
     inside = random.uniform(1.0, 2.0, shape), random.uniform(-0.9, 0.9, shape)
     at = Sized(*inside, *random.uniform(0.1, 9.0, (2, *shape)))
-    return Fixed(w / w.sum(), 3.0, random.standard_normal((size, size)), places, columns), at
+    vectors, width = random.standard_normal((size, size)), size * (samples - size + 1)
+    silent = np.sort(random.choice(width, width // 4, replace=False))
+    columns[silent] = 0.0
+    return Fixed(w / w.sum(), 3.0, vectors, places, columns, silent), at
 
 
-def rows_of(order: int, samples: int = 30, size: float = 1.0) -> OutputRows:
+def rows_of(
+    order: int, samples: int = 30, size: float = 1.0, gaps: tuple[int, ...] = ()
+) -> OutputRows:
     """A record with noise of .2 and noise bounds of ``size`` (1 + k / N) / 2 or so."""
     random = np.random.default_rng(order)
     a = np.real(np.poly(POLES[order]))
@@ -58,7 +63,9 @@ def rows_of(order: int, samples: int = 30, size: float = 1.0) -> OutputRows:
     for k in range(1, samples):
         past = range(1, min(k, order) + 1)
         x[k] = 2.0 * u[k - 1] - sum(a[i] * x[k - i] for i in past)
-    data = setid.IOData(u, x + random.uniform(-0.2, 0.2, samples))
+    y = x + random.uniform(-0.2, 0.2, samples)
+    y[list(gaps)] = np.nan
+    data = setid.IOData(u, y)
     model = setid.TransferFunction(order, 2, 1)
     found = output_rows(setid.formulate(data, model, setid.Noise(output=1.0), setid.Stable()), 0)
     assert found is not None
@@ -105,24 +112,32 @@ def naive(rows: OutputRows, programs: Programs, cone: Cone, target: float) -> fl
         right.append(np.zeros(1))
     normal = np.zeros((1, unknowns))
     normal[0, size * free : width] = np.tile(w, len(every))
-    columns = np.kron(np.eye(size), programs.known.T)
+    known = np.delete(np.eye(free), programs.silent, axis=1) @ programs.known
+    columns = np.kron(np.eye(size), known.T)
+    heard = np.tile(~np.isin(np.arange(free), programs.silent), size)
+    loose = [(None, None) if part else (0.0, 0.0) for part in heard]
     found = linprog(
         -np.eye(unknowns)[width],
         A_ub=np.vstack([*rows_, normal]),
         b_ub=np.concatenate([*right, [1.0]]),
         A_eq=np.hstack([columns, np.zeros((len(columns), unknowns - columns.shape[1]))]),
         b_eq=np.zeros(len(columns)),
-        bounds=[(None, None)] * (width + 1) + [(0.0, None)] * len(minors),
+        bounds=loose
+        + [(None, None)] * (unknowns - len(minors) - len(loose))
+        + [(0.0, None)] * len(minors),
         method="highs",
     )
     assert found.status == 0
     return float(-found.fun)
 
 
+@pytest.mark.parametrize("gaps", [(), (9, 20)])
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_targets_are_refuted_where_the_program_has_a_positive_value(order: int) -> None:
-    rows = rows_of(order)
-    programs = Programs(rows, longest_stretch(rows.row))
+def test_targets_are_refuted_where_the_program_has_a_positive_value(
+    order: int, gaps: tuple[int, ...]
+) -> None:
+    rows = rows_of(order, gaps=gaps)
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
     solver, seen = ConePrograms(programs, True), set()
     for cone in parts_of(first_cones(order, True)[0], 8)[::2]:
         powers = (0,) * (order + 1)
@@ -139,7 +154,7 @@ def test_targets_are_refuted_where_the_program_has_a_positive_value(order: int) 
 def test_the_factor_is_what_the_multipliers_refute(order: int) -> None:
     """Pairs of vectors, with products of polynomials by numpy.convolve."""
     rows = rows_of(order)
-    programs = Programs(rows, longest_stretch(rows.row))
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
     cone = parts_of(first_cones(order, True)[0], 5)[-1]
     powers = tuple(range(order + 1))
     found = ConePrograms(programs, True).solve(cone, powers, 0.1)
@@ -163,7 +178,7 @@ def test_units_of_readings_and_noise_do_not_matter() -> None:
     factors = []
     for unit in (1.0, 1e-6, 1e6):
         scaled = rows._replace(y=unit * rows.y, bound=unit * rows.bound)
-        programs = Programs(scaled, longest_stretch(rows.row))
+        programs = Programs(scaled, longest_stretches(rows.row, rows.order))
         factors.append(ConePrograms(programs, True).solve(cone, (0, 0, 0), 0.1).factor)
     np.testing.assert_allclose(factors[1:], factors[0], rtol=1e-3)
 
@@ -172,7 +187,7 @@ def test_units_of_readings_and_noise_do_not_matter() -> None:
 def test_a_search_closes_from_random_denominators(order: int) -> None:
     """No denominator to begin from: the least noise is at most that of the planted one."""
     rows = rows_of(order)
-    programs = Programs(rows, longest_stretch(rows.row))
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
     found = follow_denominators(rows, programs, 0, 0.1, Deadline(60.0))
     assert found.cells is not None and found.cells.leaves > 0
     least = programs.solve(np.append(1.0, found.best[0]), None)
@@ -186,7 +201,7 @@ def search_of(
     rows: OutputRows, denominator: Reals, tol: float, executor: Executor | None = None
 ) -> cone_search._Search:
     """A search that knows one denominator."""
-    programs = Programs(rows, longest_stretch(rows.row))
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
     attained = AttainedNoise(programs, rows.stable)
     attained.try_denominator(denominator)
     return cone_search._Search(rows, programs, attained, tol, Deadline(60.0), executor)
@@ -206,7 +221,11 @@ def test_a_lower_target_refutes_all_cones_that_a_search_left_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rows = wandering()
-    programs, solve, left = Programs(rows, longest_stretch(rows.row)), ConePrograms.solve, [25]
+    programs, solve, left = (
+        Programs(rows, longest_stretches(rows.row, rows.order)),
+        ConePrograms.solve,
+        [25],
+    )
 
     def counted(self: ConePrograms, *arguments: Any) -> ConeBound:
         left[0] -= 1
@@ -419,8 +438,10 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
         dense[p, :, r, k] += np.convolve(vectors[j][::-1], unit)
         dense[p, :, r, j] += np.convolve(vectors[k][::-1], unit)
     flat = dense.reshape(*shape, -1)
+    flat[..., fixed.silent] = 0.0
     down, up = at.above / (at.sizes - at.filtered), at.below / (at.sizes + at.filtered)
     matrix = np.einsum("psi,ps,psj->ij", flat, 4.0 * down * up / (down + up), flat)
+    matrix[fixed.silent, fixed.silent] = 1.0
     spread = np.einsum("psi,ps->pi", flat, w * (down - up) / (down + up))
     for steps in (plain_steps, linear_programs._compiled()):
         weights = np.linspace(1.0, 2.0, one.size)
@@ -464,7 +485,12 @@ def test_a_factor_has_room_behind_its_last_column(order: int) -> None:
 def test_steps_say_where_a_matrix_is_singular() -> None:
     """Vectors of zeros filter nothing."""
     fixed = Fixed(
-        np.full(9, 1 / 9), 1.0, np.zeros((2, 2)), np.array([[0, 1], [1, 2]]), np.zeros((16, 16))
+        np.full(9, 1 / 9),
+        1.0,
+        np.zeros((2, 2)),
+        np.array([[0, 1], [1, 2]]),
+        np.zeros((16, 16)),
+        np.zeros(0, np.int64),
     )
     at = Sized(np.ones((3, 9)), *np.zeros((1, 3, 9)), *np.ones((2, 3, 9)))
     for steps in (plain_steps, linear_programs._compiled()):
@@ -479,7 +505,7 @@ def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatc
 
 def test_programs_that_come_slowly_are_left() -> None:
     rows = rows_of(3)
-    programs, left = Programs(rows, longest_stretch(rows.row)), 0
+    programs, left = Programs(rows, longest_stretches(rows.row, rows.order)), 0
     solver = ConePrograms(programs, True)
     for cone in parts_of(first_cones(3, True)[0], 8)[::2]:
         whole, early = (solver.solve(cone, (0,) * 4, 0.03, patience) for patience in (np.inf, 8.0))

@@ -119,7 +119,7 @@ def test_printed_factors_are_as_proved_and_as_attained_as_the_numbers() -> None:
     found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
     wide = replace(found, scale=(0.12345678, 0.12345678))
     assert "0.123456 (proved) to 0.123457 (attained)" in wide.summary()
-    assert repr(wide) == "<Consistency: factor 0.123456 (proved) to 0.123457>"
+    assert repr(wide) == "<Consistency: factor 0.123456 (proved) to 0.123457 (attained)>"
 
 
 @pytest.mark.parametrize("bound", [1e-6, 1e-2, 1.0])

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 import setid
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.cones.search import follow_denominators
-from setid.minimum_noise.programs import Programs, longest_stretch
+from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     DenominatorCells,
@@ -67,7 +67,7 @@ def search() -> tuple[setid.IOData, FoundDenominators]:
     data = planted()
     rows = output_rows(stated(data, THIRD, 1.0), 0)
     assert rows is not None
-    programs = Programs(rows, longest_stretch(rows.row))
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
     deadline = Deadline(60.0)
     return data, follow_denominators(rows, programs, 0, 0.1, deadline, [TRUTH[1:]])
 

@@ -168,3 +168,51 @@ def test_sums_of_what_the_constant_hides_keep_every_term():
         first, second = np.triu_indices(n + 1)
         gram = ExactGram(basis, first, second, np.zeros(first.size))
         assert gram.bound(f) == -n * (n + 1) * (2 * n + 1) / 6
+
+
+_DOUBLE_WELLS = 120  # sum of (x_i^2 - 1)^2: its 241 monomials are enough to be remembered
+
+
+def _double_wells():
+    """The squares themselves: x_i^2 takes -1 with the constant, and nothing with itself."""
+    n = _DOUBLE_WELLS
+    words = [[0, 0], *([0, i] for i in range(1, n + 1)), *([i, i] for i in range(1, n + 1))]
+    linear, square = np.arange(1, n + 1), np.arange(n + 1, 2 * n + 1)
+    first = np.concatenate([square, linear, np.zeros(n, int)])
+    second = np.concatenate([square, linear, square])
+    gram = ExactGram(np.array(words, np.int32), first, second, np.repeat([0.0, 0.0, -1.0], n))
+    x = sp.variables(n)
+    return gram, sp.total([(v * v - 1) ** 2 for v in x]), x
+
+
+def _swapped(array, i, j):
+    found = array.copy()
+    found[[i, j]] = array[[j, i]]
+    return found
+
+
+def test_what_was_eliminated_last_is_taken_for_the_same_numbers_alone():
+    """By hand: -1.125 with the constant costs 1.125^2 and leaves x_n^2 a square of 0.25."""
+    gram, f, x = _double_wells()
+    n, last = _DOUBLE_WELLS, 2 * _DOUBLE_WELLS
+    value = gram.value.copy()
+    value[-1] = -1.125
+    others = [
+        (replace(gram, value=value), f, 1.0 - 1.125**2),
+        (gram, f - x[0] ** 2, -INF),  # the same words
+        (replace(gram, basis=_swapped(gram.basis, 1, last)), f, -INF),
+        (replace(gram, first=_swapped(gram.first, 0, n)), f, -INF),
+        (replace(gram, second=_swapped(gram.second, 0, n)), f, -INF),
+        (gram, f + 3 * x[0] ** 2, 0.0),
+    ]
+    for other, objective, expected in others:
+        assert gram.bound(f) == gram.bound(f) == 0.0
+        assert other.bound(objective) == expected
+    words = f.words.copy()
+    place = np.flatnonzero((words == 1).sum(axis=1) == 2)[0]
+    words[place] = np.sort(np.where(words[place] == 0, 0, [1, 1, 1, 2]))  # x_1 x_2, not x_1^2
+    assert gram.bound(f) == 0.0
+    assert gram.bound(replace(f, words=words)) == -INF
+    assert gram.bound(f) == 0.0
+    gram.value[-1] = -1.125
+    assert gram.bound(f) == 1.0 - 1.125**2
