@@ -367,6 +367,8 @@ def _direct(formulation: Formulation) -> Formulation | None:
     if not isinstance(model, TransferFunction) or not np.any(open_) or model.form == "direct":
         return None
     other = replace(model, form="direct")
+    if model.offset:  # on the outputs themselves; its first samples tell nothing then
+        other = replace(model, form="multiplied", initial="free")
     return formulate(formulation.data, other, formulation.noise, formulation.priors)
 
 

@@ -120,13 +120,22 @@ def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
     return found
 
 
+def without(monomial: Word, place: int) -> Word:
+    """A product without one of its factors."""
+    return monomial[:place] + monomial[place + 1 :]
+
+
 def settle(column: list[Word], known: iv.Interval, box: list[iv.Interval]) -> None:
-    """Solve a sum of products in ``known`` for every factor, in place."""
+    """Solve a sum of products in ``known`` for every factor, in place; first for shared ones."""
+    for v in column[0]:
+        if all(monomial.count(v) == 1 for monomial in column):
+            low, high = iv.quotient(known, total([without(m, m.index(v)) for m in column], box))
+            box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
     for monomial in column:
         rest = total([other for other in column if other != monomial], box)
         own = iv.minus(known, rest)
         for place, v in enumerate(monomial):
-            others = iv.monomial_range(monomial[:place] + monomial[place + 1 :], box)
+            others = iv.monomial_range(without(monomial, place), box)
             low, high = iv.quotient(own, others)
             box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
 

@@ -6,7 +6,8 @@ denominators A_j and numerators B_j of its inputs has at every sample k the row
     A_1 ... A_q y(k) - sum_j B_j (the other denominators) u_j(k) - c = e(k),
 
 denominators that are equal taken once. In the form "partial" it has instead the rows
-A_j z_j(k) - B_j u_j(k) = 0 for each input and y(k) - sum_j z_j(k) - c = 0.
+A_j z_j(k) - B_j u_j(k) = 0 for each input and y(k) - sum_j z_j(k) - c = 0. The form "multiplied"
+eliminates the z_j: c has the factor A_1 ... A_q at q = 1.
 """
 
 from __future__ import annotations
@@ -49,8 +50,11 @@ class Structure:
             rows = [[whole(v, "structure") for v in items(row, "structure")] for row in table]
             if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
                 raise Malformed("structure: orders that do not fit the channels")
-        if got.initial not in ("free", "zero") or got.form not in ("auto", "direct", "partial"):
+        forms = ("auto", "direct", "partial", "multiplied")
+        if got.initial not in ("free", "zero") or got.form not in forms:
             raise Malformed("structure: initial or form of an unknown kind")
+        if got.form == "multiplied" and got.offset and got.initial == "zero":
+            raise Malformed("structure: an eliminated offset that begins at zero")
         self.given, self.inputs, self.outputs = got, range(inputs), range(outputs)
         self.many, self.zero = inputs * outputs > 1, got.initial == "zero"
         names = ("na", "nb", "nk", "initial", "form", "common_denominator", "offset")
@@ -123,7 +127,14 @@ class Structure:
             others = multiplied([d for d in distinct if d != own[j]])
             for shift, b in self.numerator(i, j):
                 found += [Term(-1, (*names, b), f"u{j + 1}", lag + shift) for lag, names in others]
-        return found + self.offset(i)
+        if self.given.form != "multiplied":
+            distinct = []
+        factors = [names for _, names in multiplied(distinct)]
+        return found + [
+            term._replace(parameters=(*names, *term.parameters))
+            for term in self.offset(i)
+            for names in factors
+        ]
 
 
 def multiplied(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:

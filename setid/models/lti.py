@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from setid.models.html import InNotebook
 
 __all__ = ["Form", "TransferFunction", "expand"]
 
-Form = Literal["auto", "direct", "partial"]
+Form = Literal["auto", "direct", "partial", "multiplied"]
 Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
 
 
@@ -42,22 +42,26 @@ class TransferFunction(InNotebook):
     offset : bool
         An unknown constant in each output's equation: ``c``, or ``c[output]``. It stands
         for constant errors of the sensors: one of d in y and f in u makes
-        c = (1 + sum a) d - (sum b) f. Beside partial outputs it is added to the output
-        itself. With ``initial="zero"`` it acts from the first sample on.
+        c = (1 + sum a) d - (sum b) f. Beside partial outputs, and in the form
+        ``"multiplied"``, it is added to the output itself. With ``initial="zero"`` it acts from
+        the first sample on.
     initial : {"free", "zero"}
         ``"free"``: rows start where all lags lie within the record, and the samples before
         are unknown. ``"zero"``: all signals are zero before the record, and every sample
         has a row.
-    form : {"auto", "direct", "partial"}
+    form : {"auto", "direct", "partial", "multiplied"}
         How several denominators meet in one output. ``"partial"``: the partial output
         z[i,j] of each pair is an unknown signal, rows are bilinear. ``"direct"``:
         denominators are multiplied out, degree p + 1 for p inputs. ``"auto"``: direct
-        where rows stay bilinear, else partial.
+        where rows stay bilinear, else partial. ``"multiplied"``: the rows that partial outputs
+        leave when they are eliminated, those of ``"direct"`` with c (1 + sum a) of each
+        denominator for c.
 
     Raises
     ------
     ModelError
-        If an order is negative or shapes do not fit.
+        If an order is negative or shapes do not fit, or partial outputs with an offset that begin
+        at zero are to be eliminated.
 
     References
     ----------
@@ -100,8 +104,9 @@ class TransferFunction(InNotebook):
         rows = natural(outputs, "outputs", ModelError, least=1)
         if initial not in ("free", "zero"):
             raise ModelError(f"initial: found {initial!r}, expected 'free' or 'zero'")
-        if form not in ("auto", "direct", "partial"):
-            raise ModelError(f"form: found {form!r}, expected 'auto', 'direct' or 'partial'")
+        if form not in get_args(Form):
+            known = ", ".join(repr(name) for name in get_args(Form))
+            raise ModelError(f"form: found {form!r}, expected one of {known}")
         fields: dict[str, Any] = {
             "na": _orders(na, "na", rows, columns),
             "nb": _orders(nb, "nb", rows, columns, least=1),
@@ -115,6 +120,10 @@ class TransferFunction(InNotebook):
         }
         if common_denominator and len({n for row in fields["na"] for n in row}) > 1:
             raise ModelError("na: found several orders, expected one for a common denominator")
+        if form == "multiplied" and initial == "zero" and fields["offset"]:
+            raise ModelError(
+                "initial: found 'zero', expected 'free' beside form='multiplied' and an offset"
+            )
         for key, value in fields.items():
             object.__setattr__(self, key, value)
 
@@ -210,7 +219,10 @@ class TransferFunction(InNotebook):
         return range(self.inputs)
 
     def _multiplied(self, i: int) -> Equation:
-        """D_1 ... D_p y - sum_j N_j (the other denominators) u_j - c == 0."""
+        """D_1 ... D_p y - sum_j N_j (the other denominators) u_j - c == 0.
+
+        Where c is added to the output itself, (1 + sum a) of each denominator multiplies it.
+        """
         denominators = self._denominators(i)
         left = [_times_signal(t, f"y{i + 1}", 1.0) for t in expand(denominators)]
         right = []
@@ -222,7 +234,9 @@ class TransferFunction(InNotebook):
                     _times_signal((lag + shift, (*names, name)), f"u{j + 1}", -1.0)
                     for lag, names in others
                 ]
-        constant = [term(-1.0, self._offset(i))] if self.offset else []
+        added = denominators if self._splits(i) or self.form == "multiplied" else []
+        offset = [self._offset(i)] if self.offset else []
+        constant = [Term(-1.0, (*names, c), ()) for c in offset for _, names in expand(added)]
         return Equation(f"y{i + 1}", (*left, *right, *constant), error=True)
 
     def _partial(self, i: int) -> list[Equation]:

@@ -385,3 +385,43 @@ def test_a_time_limit_leaves_honest_gaps() -> None:
     result = setid.identify(truth.data, SECOND, noise, options=setid.Options(time_limit=0.5))
     assert result.status == "partial" and bool(result.verify())
     assert all(v in result.intervals[n] for n, v in truth.theta.items())
+
+
+# ---- several denominators with an offset --------------------------------------------------
+
+OFFSET = [
+    setid.TransferFunction(1, 1, 1, inputs=2, offset=True, form=form, initial=initial)
+    for form in ("auto", "partial")
+    for initial in ("free", "zero")
+]
+OFFSET += [
+    setid.TransferFunction(1, 1, 1, inputs=2, offset=True, form="multiplied"),
+    setid.TransferFunction([[1, 0]], 1, 1, inputs=2, offset=True),
+    setid.TransferFunction(1, 1, 1, offset=True, form="partial"),
+]
+
+
+@pytest.mark.parametrize("model", OFFSET, ids=repr)
+def test_an_offset_beside_partial_outputs_is_that_of_the_output(
+    model: setid.TransferFunction,
+) -> None:
+    """Outputs by recursion, written here: each input has its own pole, and 1 is added."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, (40, model.inputs))
+    theta, y = {"c": 1.0}, np.ones(40)
+    for j, (pole, gain) in enumerate([(0.15, -0.27), (0.44, 2.1)][: model.inputs]):
+        transfer = model.transfer(1, j + 1)
+        pole = pole if transfer.denominator else 0.0
+        theta |= dict.fromkeys(transfer.denominator, -pole)
+        theta |= dict.fromkeys(transfer.numerator, gain)
+        z = np.zeros(40)
+        for k in range(1, 40):
+            z[k] = pole * z[k - 1] + gain * u[k - 1, j]
+        y += z
+    data, noise = setid.IOData(u, y), setid.Noise(output=0.001)
+    result = setid.identify(data, model, noise, setid.Stable(), QUICK)
+    assert all(value in result.intervals[name] for name, value in theta.items())
+    assert result.status == "certified" and bool(result.verify(data))
+    assert result.intervals["c"].outer[1] - result.intervals["c"].outer[0] < 0.003
+    near = [setid.Stable(), setid.Box({"c": (0.99, 1.01)})]
+    assert not setid.identify(data, model, noise, near, QUICK).empty
+    assert setid.consistency(data, model, noise, near, QUICK).explains

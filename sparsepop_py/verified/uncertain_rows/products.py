@@ -5,7 +5,7 @@ the rows as for parameters (:mod:`sparsepop_py.verified.uncertain_rows.sign_tree
 factor is bounded by the quotient: g lies in (b*g) / b where b excludes zero; with sum b - sum a
 = 1 the sum of all b_j*g is g (1 + sum a). Products with equal coefficients in all rows share one
 column, which stands for their sum. A bound of the sum bounds one of them where the others are
-bounded.
+bounded, and a factor that all of them share: c lies in (c + c*a + c*b) / (1 + a + b).
 """
 
 from __future__ import annotations
@@ -133,6 +133,10 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
 
 def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
     """Solve a sum of monomials in ``found`` for each monomial and factor."""
+    for i in total[0] if len(total) > 1 else ():
+        if all(monomial.count(i) == 1 for monomial in total):
+            cofactors = tuple(tuple(j for j in monomial if j != i) for monomial in total)
+            ends[i] = meet(ends[i], quotient(found, _total(ends, cofactors)))
     for monomial in total:
         rest = tuple(other for other in total if other != monomial)
         mine = plus(found, times((-1.0, -1.0), _total(ends, rest))) if rest else found

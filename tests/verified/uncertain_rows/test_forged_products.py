@@ -115,6 +115,23 @@ def test_sums_of_products_are_solved_for_each():
     close(box[:, 0], 1.0, 2.0)
 
 
+def test_a_factor_that_all_share_is_a_quotient():
+    """c + c a + c a b in [6, 12], a in [1, 2], b in [0, 1]: c in 6 / [2, 5] to 12 / [2, 5]."""
+    start = np.array([[-INF, 1.0, 0.0], [INF, 2.0, 1.0]])
+    box = contracted(start, {((0,), (0, 1), (0, 1, 2)): (6.0, 12.0)}, ())
+    close(box[:, 0], 1.2, 6.0)
+    np.testing.assert_array_equal(box[:, 1:], start[:, 1:])
+
+
+def test_squares_and_factors_of_some_are_not_shared():
+    """a^2 + a b = 2 at a = b = 1 and at a = -2, b = 1; c + a b = 2 at c = 0, a = 2, b = 1."""
+    box = contracted(np.array([[-2.0, 1.0], [2.0, 1.0]]), {((0, 0), (0, 1)): (2.0, 2.0)}, ())
+    assert box[0, 0] == -2.0 and box[1, 0] >= 1.0
+    start = np.array([[0.0, 1.0, -1.0], [4.0, 1.0, 3.0]])
+    box = contracted(start, {((2,), (0, 1)): (2.0, 2.0)}, ())
+    assert box[0, 2] <= 0.0 and box[1, 2] >= 2.0 and box[0, 0] <= 0.0 and box[1, 0] >= 3.0
+
+
 def test_a_gain_gives_its_last_number():
     """b0 + b1 = 1 + a with b0 = 1/4, a in [0, 1/2]: b1 in [3/4, 5/4]; and a from the b."""
     gains = (((0, 1), (2,)),)
