@@ -46,8 +46,9 @@ class ControlModels:
         every model that was looked at. None for several channels.
     omega : (F,) float
         The grid, rad per unit of time.
-    radius : (F,) float
-        Largest abs(G / G0 - 1) found at each frequency.
+    radius : (F,) or (F, outputs, inputs) float
+        Largest abs(G / G0 - 1) found at each frequency, of each entry where there are several
+        channels.
     label : str
         ``"sampled"``, or ``"proved at the grid frequencies"``.
 
@@ -124,7 +125,6 @@ def to_control(
     continuous = model.transfer(1, 1).continuous
     frequencies = grid(omega, Ts, continuous=continuous)
     base = 0 if continuous else Ts  # python-control's timebase
-    radius = np.zeros(frequencies.size)
     single = model.inputs == model.outputs == 1
     label = "sampled"
     if kind == "proved":
@@ -136,11 +136,13 @@ def to_control(
             radius = np.abs(band.regions - around[:, None]).max(axis=1) / np.abs(around)
         label = "proved at the grid frequencies"
     elif kind == "sampled":
-        if single:
-            thetas = members(result, samples, seed)
+        thetas = np.vstack([theta, members(result, samples, seed)])
+        radius = np.empty((frequencies.size, model.outputs, model.inputs))
+        for i, j in np.ndindex(radius.shape[1:]):
+            responses = frequency_response(model, thetas, frequencies, Ts, i + 1, j + 1)
             with np.errstate(divide="ignore", invalid="ignore"):
-                responses = frequency_response(model, np.vstack([theta, thetas]), frequencies, Ts)
-                radius = np.abs(responses / responses[0] - 1.0).max(axis=0)
+                radius[:, i, j] = np.abs(responses / responses[0] - 1.0).max(axis=0)
+        radius = radius[:, 0, 0] if single else radius
     else:
         raise SetidError(f"kind: found {kind!r}, expected 'sampled' or 'proved'")
     weight = None

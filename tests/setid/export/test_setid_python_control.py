@@ -69,6 +69,13 @@ def test_several_channels() -> None:
     models = to_control(identified(setid.formulate(truth.data, model, noise)))
     assert (models.nominal.noutputs, models.nominal.ninputs) == (2, 2)
     assert models.weight is None
+    z = np.exp(1j * models.omega)  # python-control's own responses of the vertices
+    assert models.radius.shape == (z.size, 2, 2)
+    nominal = models.nominal(z)
+    for vertex in models.vertices:
+        apart = np.abs(vertex(z) / nominal - 1.0)
+        assert np.all(models.radius >= np.moveaxis(apart, 2, 0) * (1 - 1e-9))
+    assert np.all(models.radius > 0.0)
 
 
 def test_delays_become_poles_at_zero() -> None:
