@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
@@ -20,16 +20,21 @@ from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import fit as fit_of
 from setid.feasible_points.best import predicted
-from setid.feasible_points.output_error import least_error_at, output_error_fit
+from setid.feasible_points.output_error import (
+    least_error_at,
+    least_largest_error,
+    output_error_fit,
+)
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 from setid.formulation.regression import Regression, check_channels, regression_of_data
-from setid.formulation.units import in_units
 from setid.html import section, table
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.denominators import least_output_noise
+from setid.minimum_noise.fits import fit_of_denominator
 from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Verification
@@ -41,9 +46,9 @@ from setid.proofs.least_noise.least_error import (
     OutputErrors,
     attained_norm,
     equation_bound,
-    error_problem,
     error_rows,
     exact_norm,
+    in_units_of,
     output_bound,
     stated,
     verify_output,
@@ -65,6 +70,7 @@ _ULPS = 1e-12  # by which a value may change where its proof is repeated
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
 _CELLS = 0.5  # of the time, for cells of denominators
 _PART = 0.5  # of the tolerance, for them
+_STARTS = 3  # denominators of a search that are fitted
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -168,8 +174,7 @@ class Fit:
             return "the evidence is of another structure, norm or kind of error"
         if not self.attained:
             return ""
-        problem = error_problem(formulation, known.box, known.norm, known.radius)
-        units = in_units(problem, formulation).units[: self.theta.size]
+        units = in_units_of(known).units[: self.theta.size]
         point = known.attained
         if point is None or not np.array_equal(point.x[: units.size] * units, self.theta):
             return "the parameters are not those of the attained point"
@@ -372,23 +377,22 @@ def _output(
     data: IOData, model: Structure, norm: Norm, priors: tuple[Any, ...], settings: Options
 ) -> Fit:
     until = settings.deadline()
-    theta, outputs = output_error_fit(data, model, until)
+    local = output_error_fit(data, model, until)
     refuted = _refuted(stated(data, model, priors, 1.0), norm, settings, until)
-    for denominator in refuted.best[:1]:
-        other = least_error_at(data, model, norm, denominator)
-        if _norm(data.y - other[1], norm) < _norm(data.y - outputs, norm):
-            theta, outputs = other
-    error = _norm(data.y - outputs, norm)
-    radius = float(error * (1.0 + _MARGIN))
+    fits = [local, *_of_denominators(data, model, norm, local[0], refuted.best, until)]
+    fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
+    theta, outputs = fits[0]
     known: OutputErrors | None = None
-    low, attained = 0.0, False
-    if 0 < radius < inf:
-        formulation = stated(data, model, priors, radius)
-        level, cells = refuted.factor, refuted.cells
-        known = OutputErrors(norm, radius, formulation, None, None, None, level, cells)
-        point = _at_fit(known, theta, outputs)
-        known = replace(known, attained=point)
-        if point is None or level < (1.0 - settings.tol) * error:
+    for one in fits:
+        found = _known(data, model, norm, priors, one, refuted)
+        if found is not None and found.attained is not None:
+            known, (theta, outputs) = found, one
+            break
+        known = known or found
+    error, low, attained = _norm(data.y - outputs, norm), 0.0, False
+    if known is not None:
+        late = time.monotonic() >= until
+        if not late and (known.attained is None or known.level < (1.0 - settings.tol) * error):
             known = _by_engine(known, outputs, (theta, settings, until))
         low = output_bound(known)
         if known.attained is not None:
@@ -411,6 +415,41 @@ def _output(
         model=model,
         evidence=known,
     )
+
+
+def _of_denominators(
+    data: IOData, model: Structure, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
+) -> list[tuple[Reals, Reals]]:
+    """Fit the other parameters for the denominators of a fit and of a search; single outputs."""
+    rows = error_rows(stated(data, model, (), 1.0), norm, 1.0)
+    if rows is None or not isinstance(model, TransferFunction):
+        return []
+    places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
+    if not best and norm == "linf" and time.monotonic() < until:
+        best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
+    found = []
+    for denominator in [theta[places], *best[:_STARTS]]:
+        fitted = fit_of_denominator(data, model, rows, denominator)
+        found.append(fitted or least_error_at(data, model, norm, denominator))
+    return found
+
+
+def _known(
+    data: IOData,
+    model: Structure,
+    norm: Norm,
+    priors: tuple[Any, ...],
+    fitted: tuple[Reals, Reals],
+    refuted: FoundDenominators,
+) -> OutputErrors | None:
+    """State the least error within that of a fit, and prove that it is attained, if it can be."""
+    theta, outputs = fitted
+    radius = float(_norm(data.y - outputs, norm) * (1.0 + _MARGIN))
+    if not 0.0 < radius < inf:
+        return None
+    formulation, level = stated(data, model, priors, radius), refuted.factor
+    known = OutputErrors(norm, radius, formulation, None, None, None, level, refuted.cells)
+    return replace(known, attained=_at_fit(known, theta, outputs))
 
 
 def _refuted(
@@ -440,8 +479,7 @@ def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0
 
 def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint | None:
     """Prove that the error of a fit is attained."""
-    problem = error_problem(known.formulation, known.box, known.norm, known.radius)
-    scaled = in_units(problem, known.formulation)
+    scaled = in_units_of(known)
     x = _vector(known, theta, outputs, _ROOM) / scaled.units
     return proved_point(known.formulation, scaled.problem, x)
 
@@ -455,14 +493,13 @@ def _by_engine(
     known = replace(known, box=find_box(formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
-    problem = error_problem(formulation, known.box, norm, known.radius)
+    scaled = in_units_of(known)
+    lower, upper = scaled.problem.lower, scaled.problem.upper
     p = len(formulation.parameters)
     point = _at_fit(known, theta, outputs)
-    if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
+    if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
         return replace(known, attained=point)
-    scaled = in_units(problem, formulation)
-    x = _vector(known, theta, outputs)
-    start = np.clip(x, problem.lower, problem.upper) / scaled.units
+    start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
     left = None if until == inf else max(until - time.monotonic(), 1e-3)
     size = 2.0 * known.radius**2 if norm == "l2" else known.radius  # for a relative gap
     options = sp.Options(
@@ -488,8 +525,7 @@ def _proof(known: OutputErrors) -> sp.Certificate | DenominatorCells | None:
 def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> tuple[Reals, Reals]:
     """Parameters and noise-free outputs of a point of the problem in units."""
     formulation = known.formulation
-    problem = error_problem(formulation, known.box, known.norm, known.radius)
-    x = point.x * in_units(problem, formulation).units
+    x = point.x * in_units_of(known).units
     numbers = formulation.layout.group("eta")
     outputs = np.where(
         numbers >= 0, formulation.data.y - x[np.where(numbers >= 0, numbers, 0)], np.nan

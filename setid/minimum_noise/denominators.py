@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.minimum_noise.attained_noise import AttainedNoise
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
 from setid.minimum_noise.cones.search import follow_denominators
@@ -82,8 +83,10 @@ def least_output_noise(
     if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
         return FoundDenominators(0.0, None, ())
     programs = Programs(rows, section)
-    if programs.free is None:
-        return FoundDenominators(0.0, None, ())
+    if programs.free is None:  # columns depend on each other: attained noise alone
+        attained = AttainedNoise(programs, rows.stable)
+        attained.explore(deadline)
+        return FoundDenominators(0.0, None, tuple(attained.best))
     if rows.norm == "l1":
         return by_corners(rows, programs, output, tol, deadline)
     if rows.norm == "l2":  # its multipliers change smoothly: a few for each cone are enough

@@ -10,24 +10,46 @@ few samples tell of them.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-__all__ = ["approximated"]
+__all__ = ["Approximation", "approximated"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Found = tuple[float, Reals, Integers]
 _EXCHANGES = 120
 _AGAIN = 30  # exchanges after which the inverse is computed anew
 _ALMOST = 1e-3  # of a level: where exchanges end
 _PIVOT, _SLIP = 1e-9, 1e-9  # least pivot, and what a share may be below zero
 
 
-def approximated(basis: Reals, target: Reals, reference: Integers | None = None) -> Found | None:
+class Approximation(NamedTuple):
+    """Columns near a target.
+
+    Parameters
+    ----------
+    level : float
+        The error that is left.
+    shares : (m,) float
+        Dual solution at the reference; for the largest error their sizes sum up to 1.
+    reference : (m,) int
+        Samples.
+    coefficients : (c,) float
+        Of the columns.
+    """
+
+    level: float
+    shares: Reals
+    reference: Integers
+    coefficients: Reals
+
+
+def approximated(
+    basis: Reals, target: Reals, reference: Integers | None = None
+) -> Approximation | None:
     """Approximate a target by columns in the largest error.
 
     Parameters
@@ -41,19 +63,15 @@ def approximated(basis: Reals, target: Reals, reference: Integers | None = None)
 
     Returns
     -------
-    level : float
-        The largest error that is left.
-    shares : (c + 1,) float
-        Dual solution at the reference, sizes of which sum up to 1.
-    reference : (c + 1,) int
-        None of these where the exchanges do not end.
+    Approximation or None
+        With a reference of c + 1 samples; None where the exchanges do not end.
 
     Examples
     --------
     >>> import numpy as np
     >>> found = approximated(np.full((4, 1), 0.5), np.array([0.0, 1.0, 5.0, 3.0]))
-    >>> found[0]
-    2.5
+    >>> found.level, found.coefficients
+    (2.5, array([5.]))
     """
     found = None if reference is None else _exchanged(basis, target, reference)
     if found is None:
@@ -62,7 +80,7 @@ def approximated(basis: Reals, target: Reals, reference: Integers | None = None)
     return found
 
 
-def _exchanged(basis: Reals, target: Reals, reference: Integers) -> Found | None:
+def _exchanged(basis: Reals, target: Reals, reference: Integers) -> Approximation | None:
     """Exchange samples of a reference one by one until the largest error is at one of them."""
     count, reference = basis.shape[1], reference.copy()
     try:
@@ -79,7 +97,8 @@ def _exchanged(basis: Reals, target: Reals, reference: Integers) -> Found | None
                     np.abs(signs * errors[reference] - solved[count]) > _ALMOST * level + 1e-14
                 ):
                     return None  # the inverse is spoilt
-                return level, np.asarray(inverse[:, -1] * signs, np.float64), reference
+                shares = np.asarray(inverse[:, -1] * signs, np.float64)
+                return Approximation(level, shares, reference, solved[:count])
             sign = 1.0 if errors[worst] > 0 else -1.0
             along = inverse @ np.append(sign * basis[worst], 1.0)
             place = _leaving(inverse[:, -1], along)

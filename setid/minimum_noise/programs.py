@@ -8,7 +8,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from setid.minimum_noise.exchanges import approximated
+from setid.minimum_noise.exchanges import Approximation, approximated
 from setid.proofs.least_noise.denominator_cells import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
@@ -17,6 +17,7 @@ __all__ = ["Programs", "longest_stretches", "shifted"]
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _STRETCHES = 20  # each has n states of its own
+_DEPENDENT = 1e-10  # of the largest column: what others leave of one that depends on them
 
 
 def longest_stretches(row: NDArray[np.bool_], order: int) -> Integers:
@@ -61,6 +62,9 @@ class Programs:
         Numbers of the samples that these rows read.
     silent : (S - n - r,) int
         Rows among the S - n that mean nothing.
+    free : (c,) int or None
+        Rows whose multipliers make others orthogonal to the numerator's columns; None where these
+        depend on each other, and nothing is claimed.
     basis : (S - n, c) float
         Orthonormal columns of the numerator, zero in silent rows.
     """
@@ -77,19 +81,16 @@ class Programs:
         self.silent = np.setdiff1d(np.arange(self.y.size - n), self._heard)
         bound = rows.bound[self.samples]
         self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
-        self.known = rows.known[section]
+        self.known = _independent(rows.known[section])
         self.length, self.norm = rows.y.size, rows.norm
-        self.free = self._free()
+        complete = self.known.shape[1] == rows.known.shape[1]
+        self.free = self._free() if complete else None
         self.basis = np.zeros((self.y.size - n, self.known.shape[1]))
         self.basis[self._heard] = np.linalg.qr(self.known)[0]
 
-    def _free(self) -> Integers | None:
-        count = self.known.shape[1]
-        _, triangle, order = qr(self.known.T, mode="economic", pivoting=True)
-        size = np.abs(np.diag(triangle))
-        if count and (size.size < count or size[-1] <= 1e-10 * size[0]):
-            return None
-        return np.sort(self.section[order[:count]])
+    def _free(self) -> Integers:
+        order = qr(self.known.T, mode="r", pivoting=True)[1]
+        return np.sort(self.section[order[: self.known.shape[1]]])
 
     def solve(self, a: Reals, reference: Integers | None) -> tuple[float, Reals, Integers] | None:
         """Noise that is needed, and the multiplier (N,); None where it cannot be computed."""
@@ -101,11 +102,24 @@ class Programs:
             found = self._approximated(basis, target, reference)
         if found is None:
             return None
-        level, shares, reference = found
-        multiplier = self.multiplier(a, reference, shares)
+        multiplier = self.multiplier(a, found.reference, found.shares)
         if multiplier is None:
             return None
-        return level, self.whole(multiplier), reference
+        return found.level, self.whole(multiplier), found.reference
+
+    def fitted(self, a: Reals) -> Reals | None:
+        """Outputs (S,) with the least error for one denominator; None where there are none.
+
+        Parameters
+        ----------
+        a : (n + 1,) float
+        """
+        basis = self.orthonormal(a)
+        if basis is None:
+            return None
+        with np.errstate(all="ignore"):
+            found = self._approximated(basis, self.y / self.bound, None)
+        return None if found is None else self.bound * (basis @ found.coefficients)
 
     def whole(self, multiplier: Reals) -> Reals:
         """Place a multiplier (S - n,) of these rows in those of the record, (N,)."""
@@ -121,21 +135,26 @@ class Programs:
 
     def _approximated(
         self, basis: Reals, target: Reals, reference: Integers | None
-    ) -> tuple[float, Reals, Integers] | None:
+    ) -> Approximation | None:
         """The least error of a target, and the dual solution at the samples that it uses."""
         if self.norm == "linf":
             return approximated(basis, target, reference)
         every = np.arange(target.size)
         if self.norm == "l2":
-            rest = target - basis @ (basis.T @ target)
+            values: Reals = basis.T @ target
+            rest = target - basis @ values
             level = float(np.linalg.norm(rest))
-            return (level, rest / level, every) if level > 0.0 else None
+            return Approximation(level, rest / level, every, values) if level > 0.0 else None
         signs, count = np.ones(target.size), basis.shape[1]
         model = LinearModel(
             sps.csr_array(basis.T), (np.zeros(count), np.zeros(count)), (-signs, signs)
         )
         found = model.solve(-target)
-        return (-found.value, found.x, every) if found.status == "solved" else None
+        if found.status != "solved":
+            return None
+        inside = np.abs(found.x) < 1.0  # where the errors are zero
+        solved = np.linalg.lstsq(basis[inside], target[inside], rcond=None)[0]
+        return Approximation(-found.value, found.x, every, np.asarray(solved, np.float64))
 
     def orthonormal(self, a: Reals) -> Reals | None:
         """Orthonormal outputs without noise, in noise bounds; None where they overflow."""
@@ -206,6 +225,14 @@ def _adjoint(a: Reals, errors: Reals) -> Reals:
     return np.asarray(
         _response(turned, inner / outside[-1])[: errors.size - (a.size - 1)], np.float64
     )
+
+
+def _independent(columns: Reals) -> Reals:
+    """Columns without those that depend on others."""
+    triangle, order = qr(columns, mode="r", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    rank = int(np.sum(size > _DEPENDENT * size.max(initial=0.0)))
+    return columns if rank == columns.shape[1] else columns[:, np.sort(order[:rank])]
 
 
 def _factored(a: Reals) -> tuple[Reals, Reals]:

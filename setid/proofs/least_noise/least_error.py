@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from math import inf, isnan, isqrt
 from typing import Literal
 
@@ -27,7 +28,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.regression import Regression
-from setid.formulation.units import in_units
+from setid.formulation.units import InUnits, in_units
 from setid.models.equations import Structure
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
@@ -44,6 +45,7 @@ __all__ = [
     "error_problem",
     "error_rows",
     "exact_norm",
+    "in_units_of",
     "output_bound",
     "stated",
     "verify_output",
@@ -224,18 +226,38 @@ def error_problem(
         )
     count = len(noise) if norm == "l1" else 1
     names = (*problem.names, *(f"size {i + 1}" for i in range(count)))
-    variables = sp.variables(n + count, names)
     lines = []
     for constraint in problem.constraints:
         left = constraint.polynomial
         wide = sp.Polynomial(left.words, left.coefficients, n + count)
         lines.append(sp.Constraint(wide, constraint.kind, constraint.name))
-    for place, number in enumerate(noise):
-        size, error = variables[n + (place if norm == "l1" else 0)], variables[number]
-        lines += [size - error >= 0, size + error >= 0]
+    for place, number in enumerate(noise):  # size - error >= 0, size + error >= 0
+        words = np.array([[number + 1], [n + 1 + (place if norm == "l1" else 0)]], np.int32)
+        for sign in (-1.0, 1.0):
+            side = sp.Polynomial(words, np.array([sign, 1.0]), n + count)
+            lines.append(sp.Constraint(side, sp.Kind.NONNEGATIVE))
+    sizes = np.arange(n + 1, n + count + 1, dtype=np.int32)[:, None]
+    objective = sp.Polynomial(sizes, np.ones(count), n + count)
     lower = np.append(problem.lower, np.zeros(count))
     upper = np.append(problem.upper, np.full(count, radius))
-    return sp.Problem(sp.total(list(variables[n:])), lines, lower, upper, names)
+    return sp.Problem(objective, lines, lower, upper, names)
+
+
+def in_units_of(found: OutputErrors) -> InUnits:
+    """State the problem of the least error in units; the last two are remembered.
+
+    Parameters
+    ----------
+    found : OutputErrors
+    """
+    return _in_units(found.formulation, found.box, found.norm, found.radius)
+
+
+@lru_cache(maxsize=2)  # formulations and boxes are equal where they are the same object
+def _in_units(
+    formulation: Formulation, box: ProvedBox | None, norm: Norm, radius: float
+) -> InUnits:
+    return in_units(error_problem(formulation, box, norm, radius), formulation)
 
 
 def output_bound(found: OutputErrors) -> float:
@@ -260,7 +282,7 @@ def _engine_bound(found: OutputErrors) -> float:
         return found.radius
     if found.certificate is None:
         return 0.0
-    factor = in_units(_problem(found), found.formulation).factor
+    factor = in_units_of(found).factor
     value = Fraction(found.certificate.bound) * Fraction(factor) if _is_finite(found) else None
     if value is None:  # no point within the radius
         return found.radius if found.certificate.bound == inf else 0.0
@@ -282,7 +304,7 @@ def attained_norm(found: OutputErrors, value: float) -> float:
     found : OutputErrors
     value : float
     """
-    factor = in_units(_problem(found), found.formulation).factor
+    factor = in_units_of(found).factor
     error = max(Fraction(value) * Fraction(factor), Fraction(0))
     return _root(error, True) if found.norm == "l2" else _double(error, True)
 
@@ -309,7 +331,7 @@ def verify_output(
         return Verification(False, "an end is no number")
     if reason := _not_proved(found):
         return Verification(False, reason)
-    scaled = in_units(_problem(found), again)
+    scaled = in_units_of(found)
     if found.certificate is not None:
         verdict = found.certificate.verify(scaled.problem)
         if not verdict.ok:
@@ -336,10 +358,6 @@ def _not_proved(found: OutputErrors) -> str:
     rows = error_rows(found.formulation, found.norm, found.level)
     follows = rows is not None and found.cells.output == 0 and found.cells.follows(rows)
     return "" if follows else "the cells of denominators do not refute the level"
-
-
-def _problem(found: OutputErrors) -> sp.Problem:
-    return error_problem(found.formulation, found.box, found.norm, found.radius)
 
 
 def _is_finite(found: OutputErrors) -> bool:

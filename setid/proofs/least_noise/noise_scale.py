@@ -132,8 +132,7 @@ def problem_with_factor(
     """
     problem, layout = formulation.problem, formulation.layout
     n, p = problem.dimension, len(formulation.parameters)
-    variables = sp.variables(n + 1, (*problem.names, "noise factor"))
-    s = variables[-1]
+    s = sp.Polynomial(np.array([[n + 1]], np.int32), np.ones(1), n + 1)
     lines, bounds = [], _row_bounds(formulation) if scaled is None else {}
     for row in range(len(problem.constraints)):
         size, spare = bounds.get(row, (0.0, 0.0))  # the bound is size s + spare instead of size
@@ -143,12 +142,17 @@ def problem_with_factor(
         for number in numbers[numbers >= 0].tolist():
             size = float(problem.upper[number])
             part = size if scaled is None else min(scaled, size)
-            limit = part * s + (float(np.nextafter(size - part, inf)) if part < size else 0.0)
-            lines += [limit - variables[number] >= 0, limit + variables[number] >= 0]
+            rest = float(np.nextafter(size - part, inf)) if part < size else 0.0
+            words = np.array([[0], [number + 1], [n + 1]], np.int32)[int(not rest) :]
+            for sign in (-1.0, 1.0):  # part s + rest + sign x >= 0
+                values = np.array([rest, sign, part])[int(not rest) :]
+                lines.append(
+                    sp.Constraint(sp.Polynomial(words, values, n + 1), sp.Kind.NONNEGATIVE)
+                )
     lower, upper = np.append(problem.lower, 0.0), np.append(problem.upper, 1.0)
     if box is not None and not box.empty:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
-    return sp.Problem(s, lines, lower, upper)
+    return sp.Problem(s, lines, lower, upper, (*problem.names, "noise factor"))
 
 
 def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:

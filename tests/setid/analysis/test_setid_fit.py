@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from scipy.signal import lfilter
 
 import setid
 from setid.proofs.least_noise.least_error import Norm
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
+QUICK = setid.Options(time_limit=10.0, progress=False)
 HAIRDRYER = setid.IOData.from_csv(RECORD, "u", "y", Ts=0.08).split(200)[0]
 
 
@@ -101,3 +103,48 @@ def test_what_a_fit_claims_is_checked_word_by_word() -> None:
     rest = setid.TransferFunction(1, 1, 1, initial="zero")  # has the same names of parameters
     assert replace(output, model=rest).verify(data).reason == wrong
     assert replace(output, errors="equation").verify(data).reason == wrong
+
+
+@pytest.mark.parametrize("norm", ["linf", "l1"])
+def test_a_fit_is_no_worse_than_the_least_error_for_the_denominator_of_least_squares(
+    norm: Norm,
+) -> None:
+    """A pole at 0.97 and readings with outliers: both norms differ from least squares."""
+    random = np.random.default_rng(7)
+    u = random.choice([-1.0, 1.0], 80)
+    y = lfilter([0.0, 1.0], [1.0, -0.97], u) + 0.1 * random.standard_t(2, 80)
+    data, model = setid.IOData(u, y), setid.TransferFunction(1, 1, 1)
+    pole = setid.fit(data, model, "l2", options=QUICK).parameters["a1"]
+    states = np.column_stack([(-pole) ** np.arange(80), lfilter([0.0, 1.0], [1.0, pole], u)])
+    count = 1 if norm == "linf" else 80
+    sizes = np.ones((80, 1)) if norm == "linf" else np.eye(80)
+    solved = linprog(
+        np.append(np.zeros(2), np.ones(count)),
+        A_ub=np.vstack([np.hstack([states, -sizes]), np.hstack([-states, -sizes])]),
+        b_ub=np.append(y, -y),
+        bounds=[(None, None)] * (2 + count),
+    )
+    found = setid.fit(data, model, norm, options=QUICK)
+    assert found.attained and found.error <= solved.fun * (1 + 2e-3)
+    assert found.lower_bound <= found.error and bool(found.verify())
+
+
+def test_a_constant_input_beside_an_offset_is_fitted() -> None:
+    """Readings alternate by 1 about 3: no fit of a slow pole has a smaller largest error."""
+    with pytest.warns(setid.SetidWarning, match="constant"):
+        data = setid.IOData(np.full(40, 9.0), 3.0 + (-1.0) ** np.arange(40))
+    model = setid.TransferFunction(1, 1, 1, offset=True)
+    with pytest.warns(setid.SetidWarning):
+        found = setid.fit(data, model, "linf", options=QUICK)
+    assert found.attained and found.error <= 1.0 + 2e-3
+
+
+def test_no_engine_is_asked_when_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    def asked(*arguments: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("setid.analysis.fit._by_engine", asked)
+    u, y = np.random.default_rng(8).uniform(-1.0, 1.0, (2, 60))
+    options = setid.Options(time_limit=1e-3, progress=False)
+    found = setid.fit(setid.IOData(u, y), setid.TransferFunction(2, 2, 1), "l1", options=options)
+    assert 0.0 <= found.lower_bound <= found.error and bool(found.verify())
