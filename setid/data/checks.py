@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Iterator, Mapping, Sequence
+from math import nan
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,6 +23,7 @@ __all__ = [
     "real_array",
     "starts_of",
     "switch",
+    "without_mask",
 ]
 
 K = TypeVar("K")
@@ -74,8 +76,20 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
+def without_mask(given: Any) -> NDArray[Any]:
+    """A fresh array, with NaN (among dates NaT) where elements of ``numpy.ma`` are masked."""
+    parts = given if isinstance(given, (list, tuple)) else [given]
+    if not any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        return np.array(given)
+    found = np.ma.array(given)
+    array, mask = np.ma.getdata(found), np.ma.getmaskarray(found)
+    if array.dtype.kind in "biu":  # which have no NaN
+        array = array.astype(object)
+    return np.where(mask, np.array("NaT", array.dtype) if array.dtype.kind in "mM" else nan, array)
+
+
 def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.float64]:
-    """A fresh array of doubles; NaN is kept, infinity and non-numbers raise.
+    """A fresh array of doubles; NaN is kept, masked is NaN, infinity and non-numbers raise.
 
     Parameters
     ----------
@@ -86,7 +100,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         The exception to raise.
     """
     try:
-        array = np.array(given)
+        array = without_mask(given)
         if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
             raise TypeError
         values = np.array(array, float)

@@ -33,9 +33,9 @@ class IOData:
     Parameters
     ----------
     u : array_like (N,) or (N, nu)
-        Measured inputs; NaN marks a missing sample.
+        Measured inputs; NaN and masked elements of ``numpy.ma`` are missing samples.
     y : array_like (N,) or (N, ny)
-        Measured outputs; NaN marks a missing sample.
+        Measured outputs, likewise.
     Ts : float
         Sampling time in seconds, or in whatever unit the user counts time.
     starts : sequence of int, optional

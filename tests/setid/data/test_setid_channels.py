@@ -173,6 +173,12 @@ def test_records_from_any_table_with_columns_by_name() -> None:
     data = setid.IOData.from_frame(table, "u", "y", time="t")
     assert data.Ts == 2.0 and data.input_names == ("u",)
     assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
+    masked = Columns(t=np.arange(3.0), u=np.ma.array([1, 9, 3], mask=[0, 1, 0]), y=np.arange(3.0))
+    masked["day"] = np.ma.array(table["t"], mask=[0, 1, 0])
+    u = setid.IOData.from_frame(masked, "u", "y").u.ravel()
+    assert np.array_equal(u, [1.0, np.nan, 3.0], equal_nan=True)
+    with pytest.raises(setid.DataError, match="found no time at sample 1"):
+        setid.IOData.from_frame(masked, "u", "y", time="day")
     with pytest.raises(setid.DataError, match="'flag', sample 0: found .*True.*a real number$"):
         setid.IOData.from_frame(table, "flag", "y")
     with pytest.raises(setid.DataError, match="'text', sample 1: found 'x', expected a real"):
