@@ -5,6 +5,7 @@ from __future__ import annotations
 from setid.data.record import IOData
 from setid.proofs.evidence import Claimed, Verification
 from setid.proofs.verification import verify as verify_evidence
+from setid.result.identification import Identification
 
 __all__ = ["verify"]
 
@@ -25,7 +26,8 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     Returns
     -------
     Verification
-        True where formulation, box, all outer ends and all attained ends hold.
+        True where formulation, box, all outer ends and all attained ends hold, and what is said of
+        samples that were held out.
 
     Examples
     --------
@@ -38,4 +40,6 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     >>> setid.verify(result, other).reason
     'the result belongs to other data'
     """
+    if isinstance(result, Identification):
+        return result.verify(data)
     return verify_evidence(result.evidence, data)

@@ -88,7 +88,7 @@ class Identification(FeasibleSet):
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
     holdout : Holdout, optional
-        What samples that were held out say of the noise bounds; not written to JSON.
+        What samples that were held out say of the noise bounds.
     fewer_priors : Identification, optional
         The result without priors that have unknowns of their own, where these intervals use it.
 
@@ -189,9 +189,13 @@ class Identification(FeasibleSet):
         Returns
         -------
         Verification
-            True where the formulation, the box, all outer ends and all attained ends hold.
+            True where the formulation, the box, all outer ends and all attained ends hold, and
+            what is said of samples that were held out.
         """
-        return verify(self.evidence, data)
+        verdict = verify(self.evidence, data)
+        if verdict and self.holdout is not None:
+            return self.holdout.verify(self.formulation, self.intervals)
+        return verdict
 
     # ---- files and tables ---------------------------------------------------------------
 

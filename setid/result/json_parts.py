@@ -28,6 +28,8 @@ from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.intervals import IntervalStatus
+from setid.proofs.least_noise.denominator_cells import Cell, DenominatorCells, VaryingLeaf
+from setid.proofs.least_noise.varying_multipliers import VaryingCells
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
@@ -57,6 +59,10 @@ _OTHERS: tuple[type, ...] = (
     LeftInverse,
     SignTree,
     CoefficientLimit,
+    DenominatorCells,
+    VaryingCells,
+    Cell,
+    VaryingLeaf,
     sp.LinearBound,
 )
 _NUMBERS = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
