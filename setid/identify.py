@@ -29,7 +29,7 @@ from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import SetidError, SetidWarning
+from setid.errors import SetidError, SetidWarning, warns_once
 from setid.feasible_points.cascades import (
     CascadeEnds,
     attained_result,
@@ -101,6 +101,7 @@ _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained 
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
+@warns_once
 def identify(
     data: IOData,
     model: Structure,

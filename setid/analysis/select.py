@@ -25,7 +25,7 @@ from setid.consistency import consistency
 from setid.data.checks import entries_of, natural
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.errors import ModelError, SetidError, warns_once
 from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure
@@ -150,6 +150,7 @@ class Selection:
         return f"<Selection: order {self.chosen.order}, degree {self.chosen.degree}>"
 
 
+@warns_once
 def select(
     data: IOData,
     family: str | type | Family,

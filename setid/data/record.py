@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from setid.data.frames import frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
-from setid.errors import DataError, SetidWarning
+from setid.errors import DataError, warn
 from setid.html import listing, section, table
 
 if TYPE_CHECKING:
@@ -132,11 +131,7 @@ class IOData:
         for key, value in fields.items():
             object.__setattr__(self, key, value)
         for channel in _constant_channels(inputs):
-            warnings.warn(
-                f"u: input {channel + 1} is constant; it excites only the static gain",
-                SetidWarning,
-                stacklevel=2,
-            )
+            warn(f"u: input {channel + 1} is constant; it excites only the static gain")
 
     # ---- shape --------------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, warn
 from setid.formulation.assembly import Rows, build
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
@@ -304,11 +304,7 @@ def formulate(
     wanted = _as_priors(priors, model)
     silent = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
     if silent.size:
-        warnings.warn(
-            f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded",
-            SetidWarning,
-            stacklevel=2,
-        )
+        warn(f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded")
     built = build(data, model, noise, wanted)
     if not np.any(built.rows.sample):
         raise DataError(
