@@ -214,8 +214,8 @@ class IOData:
             Lines before the first sample, of which the first holds the names and the second
             the units. By default one if the first line holds no number.
         time : str or int, optional
-            A column of times. They must agree with ``Ts``, without gaps; their jitter stands in
-            ``assumptions``.
+            A column of times. They must agree with ``Ts``, without gaps or drift; their jitter
+            stands in ``assumptions``.
         time_unit : str
             Unit of the times.
 
