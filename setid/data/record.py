@@ -62,7 +62,8 @@ class IOData:
     Warns
     -----
     SetidWarning
-        If an input never changes but is not zero: it excites nothing but the static gain.
+        If an input never changes but is not zero: it excites nothing but the static gain. If
+        there are fewer samples than channels, as of row vectors.
 
     Examples
     --------
@@ -130,6 +131,11 @@ class IOData:
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
+        if inputs.shape[0] < max(inputs.shape[1], outputs.shape[1]):
+            warn(
+                f"u, y: found {inputs.shape[0]} samples of {inputs.shape[1]} inputs and "
+                f"{outputs.shape[1]} outputs; samples are rows: transpose row vectors"
+            )
         for channel in _constant_channels(inputs):
             warn(f"u: input {channel + 1} is constant; it excites only the static gain")
 

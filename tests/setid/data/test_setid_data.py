@@ -82,6 +82,16 @@ def test_constant_inputs_warn_unless_zero() -> None:
     setid.IOData([0, 0], [1, 2])
 
 
+def test_rows_in_place_of_columns_are_warned_of() -> None:
+    nine = np.arange(9.0)[None, :]
+    with pytest.warns(setid.SetidWarning, match="found 1 samples of 9 inputs and 9 outputs"):
+        setid.IOData(nine, nine)
+    with pytest.warns(setid.SetidWarning, match="found 2 samples of 1 inputs and 3 outputs"):
+        setid.IOData([1.0, 2.0], np.arange(6.0).reshape(2, 3))
+    setid.IOData(nine.T, nine.T)
+    setid.IOData(np.eye(2), np.eye(2))
+
+
 def test_concat_keeps_beginnings_and_assumptions() -> None:
     one = setid.IOData([1, 2, 3], [1, 2, 3], Ts=0.1).detrend()
     two = setid.IOData([4, 5], [6, 7], Ts=0.1)
