@@ -21,7 +21,7 @@ from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
-from setid.result.json_parts import read, write
+from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import array, optional
 from sparsepop_py.io.json_files.values import PROVED_POINT
@@ -92,6 +92,7 @@ def from_json(text: str) -> Identification:
     verdict = result.verify()
     if not verdict:
         raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
+    check_attained(result.intervals)
     return result
 
 
