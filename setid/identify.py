@@ -165,6 +165,8 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    if not (on_progress is None or callable(on_progress)):
+        raise SetidError(f"on_progress: found {on_progress!r:.60}, expected a callable")
     settings = with_executor(settings, executor)
     if settings.for_engine().effort == "presolve":
         text = "Options.engine: found effort 'presolve', which bounds each end by one relaxation; "

@@ -19,6 +19,7 @@ __all__ = [
     "frozen",
     "natural",
     "number",
+    "parameters_of",
     "range_of",
     "real_array",
     "starts_of",
@@ -147,6 +148,20 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
     if np.isnan(value):
         raise error(f"{field}: found {given!r}, expected a number")
     return value
+
+
+def parameters_of(theta: Any, names: Sequence[str]) -> NDArray[np.float64]:
+    """Parameters (p,) in order, from an array or a mapping of names to numbers; none missing."""
+    if isinstance(theta, Mapping):
+        if set(theta) != set(names):
+            raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
+        theta = [theta[name] for name in names]
+    values = real_array(theta, "theta", SetidError)
+    if values.shape != (len(names),):
+        raise SetidError(f"theta: found shape {values.shape}, expected {len(names)} numbers")
+    if np.any(np.isnan(values)):
+        raise SetidError(f"theta: found NaN for {names[int(np.isnan(values).argmax())]}")
+    return values
 
 
 def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:

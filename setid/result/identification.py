@@ -330,7 +330,7 @@ class Identification(FeasibleSet):
         return projection_estimate(self)
 
     def consistent(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64] | None:
-        """Prove that a parameter vector is consistent with data, noise bounds and priors.
+        """Find a proof that parameters are consistent with data, noise bounds and priors.
 
         Parameters
         ----------
@@ -339,8 +339,17 @@ class Identification(FeasibleSet):
         Returns
         -------
         (n,) float or None
-            A witness, noise included, near which a consistent one provably exists with
-            exactly these parameters; None where no proof was found.
+            No truth value: a witness, all unknowns with the noise included, near which a
+            consistent one provably exists with exactly these parameters; None where no proof was
+            found, which does not prove that they are inconsistent.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> result.consistent([-0.45, 2.0]) is not None, result.consistent([0.0, 2.0]) is None
+        (True, True)
         """
         from setid.feasible_points.witness import consistent
 
