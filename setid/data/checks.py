@@ -110,8 +110,8 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
             f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
         ) from None
     if np.any(np.isinf(values)):
-        where = np.argwhere(np.isinf(values))[0].tolist()
-        raise error(f"{field}: found an infinite value at {where}, expected finite numbers")
+        where = f" at {np.argwhere(np.isinf(values))[0].tolist()}" if values.ndim else ""
+        raise error(f"{field}: found an infinite value{where}, expected finite numbers")
     return values
 
 
