@@ -5,7 +5,6 @@ from __future__ import annotations
 from setid.data.record import IOData
 from setid.proofs.evidence import Claimed, Verification
 from setid.proofs.verification import verify as verify_evidence
-from setid.result.identification import Identification
 
 __all__ = ["verify"]
 
@@ -40,6 +39,9 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     >>> setid.verify(result, other).reason
     'the result belongs to other data'
     """
-    if isinstance(result, Identification):
-        return result.verify(data)
-    return verify_evidence(result.evidence, data)
+    claims, held = result.evidence, getattr(result, "holdout", None)
+    verdict = verify_evidence(claims, data)
+    if verdict and held is not None:  # an identification with samples that were held out
+        again: Verification = held.verify(claims.formulation, claims.intervals)
+        return again
+    return verdict
