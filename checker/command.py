@@ -7,6 +7,7 @@ from typing import Any
 
 from .files import reading, text
 from .files.reading import Malformed, Problem
+from .files.tables import table_of
 from .rational import RationalProblem, check_rational_certificate, check_rational_result
 from .records.record import Identification
 from .records.structure import columns_of
@@ -14,11 +15,19 @@ from .result import NotProved, check_certificate, check_result, remarks
 
 USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
        check.py result.json
-       check.py [--record record.csv] identification.json"""
+       check.py [--record record.csv [--decimal ,] [--header LINES]] identification.json
+
+--record   the table of samples, as separated by semicolons, tabs, commas or blanks
+--decimal  its decimal mark, . when left out
+--header   its lines before the first sample, comments left out, of which the first holds names
+
+exit codes: 0 proved; 1 not proved; 2 malformed; 3 proved but for what is taken as given"""
 
 
 def main(arguments: list[str]) -> int:
     """Check the files; print what is proved, or where and why it fails."""
+    if arguments in (["--help"], ["-h"]):
+        return told(USAGE, 0)
     try:
         lines = checked(arguments)
     except NotProved as error:
@@ -46,12 +55,16 @@ def told(words: str, code: int) -> int:
 
 def checked(arguments: list[str]) -> list[str]:
     """What the files prove."""
-    if arguments[:1] == ["--record"] and len(arguments) == 3:
-        name, found = reading.content(reading.load(arguments[2]), arguments[2])
+    options, arguments = split_options(arguments)
+    if "--record" in options and len(arguments) == 1:
+        name, found = reading.content(reading.load(arguments[0]), arguments[0])
         if name == "identification":
             about = Identification(found)
-            return [*columns_of(arguments[1], about.record), *about.check()]
-    if not 1 <= len(arguments) <= 2:
+            path, count = options["--record"], options.get("--header")
+            header = None if count is None else int(count)
+            table = table_of(path, options.get("--decimal", "."), header)
+            return [*columns_of(about.record, path, *table), *about.check()]
+    if options or not 1 <= len(arguments) <= 2:
         raise Malformed(USAGE)
     name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
     if name.startswith("rational_"):
@@ -71,6 +84,21 @@ def checked(arguments: list[str]) -> list[str]:
     lines += remarks(stated, given) if stated and given else []
     negated = ["(objective is the negative of what is maximised)"]
     return lines + (negated if problem.sense == "max" else [])
+
+
+def split_options(arguments: list[str]) -> tuple[dict[str, str], list[str]]:
+    """Options of a record with their values, and the files."""
+    options, files, words = dict[str, str](), list[str](), list(arguments)
+    while words:
+        word = words.pop(0)
+        if word in ("--record", "--decimal", "--header") and words:
+            options[word] = words.pop(0)
+        else:
+            files.append(word)
+    known = options.get("--decimal", ".") in (".", ",") and options.get("--header", "0").isdecimal()
+    if not known or any(word.startswith("--") for word in files):
+        raise Malformed(USAGE)
+    return options, files
 
 
 def about_ratios(name: str, found: Any, arguments: list[str]) -> list[str]:

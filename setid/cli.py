@@ -7,6 +7,7 @@ import argparse
 import sys
 import webbrowser
 from collections.abc import Sequence
+from math import inf
 from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
@@ -189,13 +190,21 @@ def _record(arguments: argparse.Namespace) -> IOData:
     )
     if arguments.rows is None:
         return data
-    try:
-        first, end = (int(text) if text else None for text in arguments.rows.split(":"))
-        begin, stop, _ = slice(first, end).indices(data.samples)
-    except ValueError:
-        raise DataError(f"--rows: found {arguments.rows!r}, expected FIRST:END") from None
+    begin, stop = _rows(arguments.rows, data.samples)
     data = data.split(stop)[0] if 0 < stop < data.samples else data
     return data.split(begin)[1] if begin else data
+
+
+def _rows(given: str, samples: int) -> tuple[int, int]:
+    """The first row of a part of the record and the one behind it."""
+    try:
+        first, end = (int(text) if text else None for text in given.split(":"))
+    except ValueError:
+        raise DataError(f"--rows: found {given!r}, expected FIRST:END") from None
+    begin, stop, _ = slice(first, end).indices(samples)
+    if begin >= stop or any(abs(row) > samples for row in (first or 0, end or 0)):
+        raise DataError(f"--rows: found {given!r}, expected FIRST < END <= {samples}, the samples")
+    return begin, stop
 
 
 def _columns(given: list[str] | None) -> list[str | int]:
@@ -223,6 +232,9 @@ def _parts(
 def _noise(arguments: argparse.Namespace) -> Noise:
     """The bounds that were given; without any there is nothing to prove."""
     output, input, equation = (getattr(arguments, f"{kind}_noise") for kind in _NOISE)
+    for kind, bound in zip(_NOISE, (output, input, equation), strict=True):
+        if bound is not None and not 0.0 <= bound < inf:
+            raise NoiseError(f"--{kind}-noise: found {bound:g}, expected a finite bound >= 0")
     if output is input is equation is None:
         raise NoiseError(
             "--output-noise, --input-noise, --equation-noise: found none, expected a bound of the "

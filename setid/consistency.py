@@ -21,7 +21,7 @@ import sparsepop_py as sp
 from setid.data.checks import number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
-from setid.errors import ModelError, NoiseError, SetidError
+from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.output_error import least_largest_error
 from setid.feasible_points.witness import consistent, least_noise
@@ -212,6 +212,7 @@ _MEANING = {
 }
 
 
+@warns_once
 @one_thread
 def consistency(
     data: IOData,

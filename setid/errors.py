@@ -6,6 +6,12 @@ results, never exceptions.
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
+from contextvars import ContextVar
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
 __all__ = [
     "DataError",
     "ModelError",
@@ -13,7 +19,14 @@ __all__ = [
     "PriorError",
     "SetidError",
     "SetidWarning",
+    "warn",
+    "warns_once",
 ]
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+_SAID: ContextVar[set[str] | None] = ContextVar("said", default=None)  # texts in a call
 
 
 class SetidError(ValueError):
@@ -38,3 +51,39 @@ class PriorError(SetidError):
 
 class SetidWarning(UserWarning):
     """Input that is legal but probably not what was meant."""
+
+
+def warn(text: str) -> None:
+    """Warn at the line that called the caller, once in a call of :func:`warns_once`.
+
+    Parameters
+    ----------
+    text : str
+    """
+    said = _SAID.get()
+    if said is not None and text in said:
+        return
+    if said is not None:
+        said.add(text)
+    warnings.warn(text, SetidWarning, stacklevel=3)
+
+
+def warns_once(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a function that states problems again and again: each warning comes once.
+
+    Parameters
+    ----------
+    function : callable
+    """
+
+    @wraps(function)
+    def once(*args: P.args, **kwargs: P.kwargs) -> T:
+        if _SAID.get() is not None:  # called by another such function
+            return function(*args, **kwargs)
+        token = _SAID.set(set())
+        try:
+            return function(*args, **kwargs)
+        finally:
+            _SAID.reset(token)
+
+    return once

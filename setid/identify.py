@@ -29,7 +29,7 @@ from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import SetidError, SetidWarning
+from setid.errors import SetidError, SetidWarning, warns_once
 from setid.feasible_points.cascades import (
     CascadeEnds,
     attained_result,
@@ -53,7 +53,6 @@ from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, with_executor
-from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -71,7 +70,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
-from setid.result.holdout import Holdout
+from setid.result.holdout import Holdout, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
@@ -102,6 +101,7 @@ _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained 
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
+@warns_once
 def identify(
     data: IOData,
     model: Structure,
@@ -165,6 +165,8 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    if not (on_progress is None or callable(on_progress)):
+        raise SetidError(f"on_progress: found {on_progress!r:.60}, expected a callable")
     settings = with_executor(settings, executor)
     if settings.for_engine().effort == "presolve":
         text = "Options.engine: found effort 'presolve', which bounds each end by one relaxation; "
@@ -203,12 +205,11 @@ def _held_out(
     if found.empty:
         return found
     known = found.formulation
-    ends = {n: i.outer for n, i in found.intervals.items() if np.any(np.isfinite(i.outer))}
-    given = [*known.priors, *([Box(ends)] if ends else [])]
+    given = members(known, found.intervals)
     left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
     level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
-    return replace(found, holdout=Holdout(rest, level.scale))
+    return replace(found, holdout=Holdout(level))
 
 
 def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[Noise, Noise]:

@@ -87,6 +87,8 @@ class Options:
             raise SetidError(
                 f"Options.engine: found {type(self.engine).__name__}, expected sparsepop_py.Options"
             )
+        if not isinstance(self.solver, str):
+            raise SetidError(f"Options.solver: found {self.solver!r:.60}, expected a name")
         self.for_engine()  # refuses solvers that are not there
 
     def limits(self) -> Deadline:
@@ -136,5 +138,9 @@ def with_executor(options: Options, executor: Executor | None) -> Options:
     """
     if executor is None:
         return options
+    if not isinstance(executor, Executor):
+        raise SetidError(
+            f"executor: found {executor!r:.60}, expected a concurrent.futures.Executor"
+        )
     engine = options.engine or sp.Options(effort="auto")
     return replace(options, engine=replace(engine, executor=executor))

@@ -25,7 +25,8 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     Returns
     -------
     Verification
-        True where formulation, box, all outer ends and all attained ends hold.
+        True where formulation, box, all outer ends and all attained ends hold, and what is said of
+        samples that were held out.
 
     Examples
     --------
@@ -38,4 +39,9 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     >>> setid.verify(result, other).reason
     'the result belongs to other data'
     """
-    return verify_evidence(result.evidence, data)
+    claims, held = result.evidence, getattr(result, "holdout", None)
+    verdict = verify_evidence(claims, data)
+    if verdict and held is not None:  # an identification with samples that were held out
+        again: Verification = held.verify(claims.formulation, claims.intervals)
+        return again
+    return verdict

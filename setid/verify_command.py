@@ -25,7 +25,7 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
 
 The program checker/ of the source distribution checks the same file, as
-  python checker/check.py --record RECORD.csv FILE.json
+  python checker/check.py --record RECORD.csv [--decimal ,] [--header LINES] FILE.json
 and shares no code.
 """
 
@@ -91,6 +91,11 @@ def _read(path: str) -> Identification:
         found = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         raise SetidError(f"{path}: {error}, expected JSON text") from None
+    if isinstance(found, dict) and "is" not in found and {"file", "model"} <= set(found):
+        raise SetidError(
+            f"{path}: found what --json writes, numbers for other programs without their proofs, "
+            "expected what `setid identify --certificate` writes"
+        )
     if not isinstance(found, dict) or found.get("is") != "identification":
         return from_json(json.dumps(found))
     stored = {"format": "setid", "version": 1, "is": "result", "result": found.pop("result", None)}

@@ -13,10 +13,10 @@ eliminates the z_j: c has the factor A_1 ... A_q at q = 1.
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..files.reading import Malformed, fields, finite, item, items, whole
+from ..result import NotProved
 
 ZERO = Fraction(0)
 Terms = dict[tuple[int, ...], Fraction]  # polynomials in the unknowns: sorted letters from 1
@@ -249,39 +249,21 @@ def _add(found: Terms, letters: list[int], value: Fraction) -> None:
     found[key] = found.get(key, ZERO) + value
 
 
-def columns_of(path: str, record: Record) -> list[str]:
+def columns_of(record: Record, path: str, names: list[str], table: list[Any]) -> list[str]:
     """Which column of a table holds which channel; raises where one holds none."""
-    try:
-        lines = [line for line in Path(path).read_text(encoding="utf-8-sig").splitlines()]
-    except (OSError, ValueError) as error:
-        raise Malformed(f"{path}: {error}") from None
-    while lines and lines[0][:1] in ("", "#", "%"):
-        del lines[0]
-    mark = next((m for m in ";\t," if lines and m in lines[0]), None)
-    rows = [[field.strip() for field in line.split(mark)] for line in lines]
-    names = rows.pop(0) if rows and any(_reading(field) == "no" for field in rows[0]) else None
-    if len({len(row) for row in rows}) != 1:
-        raise Malformed(f"{path}: lines of several lengths")
-    table = [[_reading(field) for field in column] for column in zip(*rows, strict=True)]
     found = []
     for letter, channels in (("u", record.u), ("y", record.y)):
         for number, channel in enumerate(channels, 1):
             places = [k for k, column in enumerate(table) if column == channel]
             if not places:
-                raise Malformed(f"{path}: no column holds the samples of {letter}{number}")
+                raise NotProved(
+                    f"{path}: no column of {len(table[0])} samples holds the {len(channel)} of "
+                    f"{letter}{number}; if it is the record, say how it is written, as --decimal "
+                    ", for decimal commas, --header 2 for names and a line of units"
+                )
             name = repr(names[places[0]]) if names else str(places[0])
             found.append(f"{letter}{number} is column {name} of {path}")
     return found
-
-
-def _reading(field: str) -> Any:
-    """A reading, None where it is missing, "no" where it is something else."""
-    if field.lower() in ("", "nan", "na", "n/a", "null", "none", "?"):
-        return None
-    try:
-        return Fraction(finite(float(field), "reading"))
-    except (ValueError, Malformed):
-        return "no"
 
 
 def _samples(column: Any, gaps: bool) -> list[Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.record import IOData
-from setid.errors import SetidError
+from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
 from setid.feasible_points.best import predicted
 from setid.feasible_points.output_error import (
@@ -218,6 +218,7 @@ class Fit:
         return f"<Fit: {self.norm}, error {high}, at least {low} (proved)>"
 
 
+@warns_once
 @one_thread
 def fit(
     data: IOData,

@@ -26,7 +26,7 @@ from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.identification import Identification
-from setid.result.json_parts import read, write
+from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import optional
 from sparsepop_py.io.json_files.values import PROVED_POINT
@@ -179,6 +179,7 @@ class Reparametrisation:
         verdict = result.verify()
         if not verdict:
             raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
+        check_attained(result.intervals)
         return result
 
     def __repr__(self) -> str:

@@ -22,10 +22,10 @@ import numpy as np
 import sparsepop_py as sp
 from setid.analysis.terms import sparse_terms, without, without_idle
 from setid.consistency import consistency
-from setid.data.checks import entries_of, natural
+from setid.data.checks import entries_of, natural, number, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.errors import ModelError, SetidError, warns_once
 from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure
@@ -150,6 +150,7 @@ class Selection:
         return f"<Selection: order {self.chosen.order}, degree {self.chosen.degree}>"
 
 
+@warns_once
 def select(
     data: IOData,
     family: str | type | Family,
@@ -215,6 +216,12 @@ def select(
     >>> found.chosen.order, found.steps[0].decision
     (1, 'refuted')
     """
+    remove_idle, l1 = (
+        switch(given, name, SetidError)
+        for name, given in (("remove_idle", remove_idle), ("l1", l1))
+    )
+    if width is not None and not number(width, "width", SetidError) > 0:
+        raise SetidError(f"width: found {width!r}, expected a number > 0")
     make = _family(family, data)
     sizes = _naturals(orders, "orders", 0)
     tops = _naturals(degrees, "degrees", 1)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
 from setid.data.frames import require_pandas
-from setid.errors import NoiseError, SetidError
+from setid.errors import NoiseError, SetidError, warns_once
 from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.html import table as html_table
@@ -174,6 +174,7 @@ class Sensitivity:
         return f"<Sensitivity: {len(self.factors)} factors, {len(self.lost)} proved signs>"
 
 
+@warns_once
 def sensitivity(
     result: Identification,
     factors: Iterable[float] = FACTORS,

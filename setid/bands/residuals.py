@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import frozen
+from setid.data.checks import frozen, parameters_of
 from setid.errors import SetidError
 from setid.feasible_points.members import nominal
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -90,9 +90,7 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     rows = result.formulation.regression
     if rows is None:
         raise SetidError("model: separate denominators have no one-step residuals")
-    values = nominal(result) if theta is None else np.asarray(theta, float)
-    if values.shape != (len(rows.names),):
-        raise SetidError(f"theta: found shape {values.shape}, expected ({len(rows.names)},)")
+    values = nominal(result) if theta is None else parameters_of(theta, rows.names)
     return Residuals(
         values,
         frozen(rows.target + rows.regressors @ values),

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
-from setid.data.checks import frozen, number
+from setid.data.checks import frozen, number, real_array
 from setid.errors import SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -112,7 +112,10 @@ class FrequencyBand:
             If nothing is proved between frequencies: the band is sampled, or of a
             continuous-time structure.
         """
-        arcs, frequencies = self._proved_arcs(), np.atleast_1d(np.asarray(omega, float))
+        arcs = self._proved_arcs()
+        frequencies = np.atleast_1d(real_array(omega, "omega", SetidError))
+        if frequencies.ndim != 1 or not frequencies.size or np.any(np.isnan(frequencies)):
+            raise SetidError(f"omega: found {frequencies.tolist()!r:.60}, expected frequencies")
         found = [arcs.at(w) for w in (frequencies * self.Ts).tolist()]
         gains, phases = (np.array(x) for x in zip(*found, strict=True))
         near = np.interp(frequencies, self.omega, np.unwrap(np.angle(self.nominal)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Iterator, Mapping, Sequence
+from math import nan
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,10 +19,12 @@ __all__ = [
     "frozen",
     "natural",
     "number",
+    "parameters_of",
     "range_of",
     "real_array",
     "starts_of",
     "switch",
+    "without_mask",
 ]
 
 K = TypeVar("K")
@@ -74,8 +77,20 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
+def without_mask(given: Any) -> NDArray[Any]:
+    """A fresh array, with NaN (among dates NaT) where elements of ``numpy.ma`` are masked."""
+    parts = given if isinstance(given, (list, tuple)) else [given]
+    if not any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        return np.array(given)
+    found = np.ma.array(given)
+    array, mask = np.ma.getdata(found), np.ma.getmaskarray(found)
+    if array.dtype.kind in "biu":  # which have no NaN
+        array = array.astype(object)
+    return np.where(mask, np.array("NaT", array.dtype) if array.dtype.kind in "mM" else nan, array)
+
+
 def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.float64]:
-    """A fresh array of doubles; NaN is kept, infinity and non-numbers raise.
+    """A fresh array of doubles; NaN is kept, masked is NaN, infinity and non-numbers raise.
 
     Parameters
     ----------
@@ -86,7 +101,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         The exception to raise.
     """
     try:
-        array = np.array(given)
+        array = without_mask(given)
         if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
             raise TypeError
         values = np.array(array, float)
@@ -95,8 +110,8 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
             f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
         ) from None
     if np.any(np.isinf(values)):
-        where = np.argwhere(np.isinf(values))[0].tolist()
-        raise error(f"{field}: found an infinite value at {where}, expected finite numbers")
+        where = f" at {np.argwhere(np.isinf(values))[0].tolist()}" if values.ndim else ""
+        raise error(f"{field}: found an infinite value{where}, expected finite numbers")
     return values
 
 
@@ -133,6 +148,20 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
     if np.isnan(value):
         raise error(f"{field}: found {given!r}, expected a number")
     return value
+
+
+def parameters_of(theta: Any, names: Sequence[str]) -> NDArray[np.float64]:
+    """Parameters (p,) in order, from an array or a mapping of names to numbers; none missing."""
+    if isinstance(theta, Mapping):
+        if set(theta) != set(names):
+            raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
+        theta = [theta[name] for name in names]
+    values = real_array(theta, "theta", SetidError)
+    if values.shape != (len(names),):
+        raise SetidError(f"theta: found shape {values.shape}, expected {len(names)} numbers")
+    if np.any(np.isnan(values)):
+        raise SetidError(f"theta: found NaN for {names[int(np.isnan(values).argmax())]}")
+    return values
 
 
 def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import real_array
+from setid.data.checks import real_array, without_mask
 from setid.data.tables import Column
 from setid.errors import DataError
 
@@ -70,7 +70,7 @@ def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray
     values = _seconds(column) if dates else None
     if values is not None:
         return values, "s"
-    values = np.asarray(column)
+    values = without_mask(column)
     if values.dtype.kind == "O":  # columns with marks of missing values
         values = np.array([np.nan if _is_gap(item) else item for item in values], object)
     wrong = values.dtype.kind in "bmM"  # all of them
@@ -107,7 +107,7 @@ def _seconds(column: Any) -> NDArray[np.float64] | None:
     dates = getattr(column, "dt", column)
     if getattr(dates, "tz", None) is not None:
         column = dates.tz_convert(None)
-    values = np.asarray(column)
+    values = without_mask(column)
     if values.dtype.kind not in "mM":
         return None
     if values.size == 0:

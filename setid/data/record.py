@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from setid.data.frames import frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
-from setid.errors import DataError, SetidWarning
+from setid.errors import DataError, warn
 from setid.html import listing, section, table
 
 if TYPE_CHECKING:
@@ -33,9 +32,9 @@ class IOData:
     Parameters
     ----------
     u : array_like (N,) or (N, nu)
-        Measured inputs; NaN marks a missing sample.
+        Measured inputs; NaN and masked elements of ``numpy.ma`` are missing samples.
     y : array_like (N,) or (N, ny)
-        Measured outputs; NaN marks a missing sample.
+        Measured outputs, likewise.
     Ts : float
         Sampling time in seconds, or in whatever unit the user counts time.
     starts : sequence of int, optional
@@ -63,7 +62,8 @@ class IOData:
     Warns
     -----
     SetidWarning
-        If an input never changes but is not zero: it excites nothing but the static gain.
+        If an input never changes but is not zero: it excites nothing but the static gain. If
+        there are fewer samples than channels, as of row vectors.
 
     Examples
     --------
@@ -131,12 +131,13 @@ class IOData:
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
-        for channel in _constant_channels(inputs):
-            warnings.warn(
-                f"u: input {channel + 1} is constant; it excites only the static gain",
-                SetidWarning,
-                stacklevel=2,
+        if inputs.shape[0] < max(inputs.shape[1], outputs.shape[1]):
+            warn(
+                f"u, y: found {inputs.shape[0]} samples of {inputs.shape[1]} inputs and "
+                f"{outputs.shape[1]} outputs; samples are rows: transpose row vectors"
             )
+        for channel in _constant_channels(inputs):
+            warn(f"u: input {channel + 1} is constant; it excites only the static gain")
 
     # ---- shape --------------------------------------------------------------------------
 
@@ -219,8 +220,8 @@ class IOData:
             Lines before the first sample, of which the first holds the names and the second
             the units. By default one if the first line holds no number.
         time : str or int, optional
-            A column of times. They must agree with ``Ts``, without gaps; their jitter stands in
-            ``assumptions``.
+            A column of times. They must agree with ``Ts``, without gaps or drift; their jitter
+            stands in ``assumptions``.
         time_unit : str
             Unit of the times.
 

@@ -94,6 +94,10 @@ def read_table(
     rows = [(number, _fields(path, number, line, separator)) for number, line in lines[begin:]]
     width = len(rows[0][1])
     names_at = _header_lines(path, rows[0], decimal, header)
+    if len(rows) <= names_at:
+        raise DataError(
+            f"{path}: found {len(rows)} lines and {names_at} of headers, expected samples"
+        )
     names = [field.strip() for field in rows[0][1]] if names_at else None
     _refuse_samples_in_comments(path, lines[:begin], separator, width, decimal)
     places = [_place(path, column, names, width) for column in columns]
@@ -306,6 +310,11 @@ def _samples(
                 raise DataError(
                     f"{path}, line {number}, column {place}: found {fields[place]!r}, "
                     f"expected a number{hint}"
+                )
+            if np.isinf(value):
+                raise DataError(
+                    f"{path}, line {number}, column {place}: found {fields[place]!r:.40}, beyond "
+                    "all doubles, expected a smaller number"
                 )
             values[row, out] = value
     return values

@@ -36,7 +36,8 @@ def sampling_time(
     ------
     DataError
         If a time is missing, times do not increase, an interval differs from the sampling time
-        by half of it or more (samples are missing, or stand twice), or Ts is another one.
+        by half of it or more (samples are missing, or stand twice), Ts is another one, or a
+        sample lies half an interval or more from equidistant times.
 
     Examples
     --------
@@ -64,6 +65,13 @@ def sampling_time(
     mean = float(times[-1] - times[0]) / (times.size - 1)
     if Ts is not None and not abs(mean - Ts) <= _DRIFT * Ts:
         raise DataError(f"{place}: found intervals of {mean:g} on average, expected Ts = {Ts:g}")
+    off = np.abs(times - times[0] - mean * np.arange(times.size))
+    if np.any(off >= _HALF * mean):
+        row = int(np.argmax(off))
+        raise DataError(
+            f"{place}: found sample {row} {off[row] / mean:.2g} intervals from equidistant times "
+            f"of {mean:g}, expected less than half of one; resample the record at equal intervals"
+        )
     step = _plain(mean, times) if Ts is None else Ts
     jitter = float(np.max(np.abs(times - times[0] - step * np.arange(times.size))))
     if jitter <= _EXACT * step:

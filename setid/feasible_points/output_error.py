@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from copy import copy
 from math import inf
 
 import numpy as np
@@ -55,7 +56,8 @@ class _Simulation:
         """Outputs (N, ny)."""
         y = self.values.copy()
         y[self.free] = x[self.count :].reshape(-1, self.data.outputs)
-        given = IOData(self.data.u, y, self.data.Ts, starts=self.data.starts)
+        given = copy(self.data)
+        object.__setattr__(given, "y", y)
         with np.errstate(over="ignore", invalid="ignore"):
             return run(self.model, x[: self.count], given)
 

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import parameters_of
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, warn
 from setid.formulation.assembly import Rows, build
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
@@ -223,15 +224,7 @@ class Formulation:
         SetidError
             If names or shape do not fit.
         """
-        names = self.parameters
-        if isinstance(theta, Mapping):
-            if set(theta) != set(names):
-                raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
-            theta = [theta[name] for name in names]
-        values = np.array(theta, float)
-        if values.shape != (len(names),) or not np.all(np.isfinite(values)):
-            raise SetidError(f"theta: found shape {values.shape}, expected {len(names)} numbers")
-        return values
+        return parameters_of(theta, self.parameters)
 
     def __repr__(self) -> str:
         noise = sum(int(np.sum(self.layout.group(g) >= 0)) for g in ("eta", "xi", "e"))
@@ -304,11 +297,7 @@ def formulate(
     wanted = _as_priors(priors, model)
     silent = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
     if silent.size:
-        warnings.warn(
-            f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded",
-            SetidWarning,
-            stacklevel=2,
-        )
+        warn(f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded")
     built = build(data, model, noise, wanted)
     if not np.any(built.rows.sample):
         raise DataError(

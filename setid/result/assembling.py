@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
+from setid.identifiability.dependent_signals import dependent_text
 from setid.models.block import BlockStructured
 from setid.options import Options
 from setid.proofs.cells.parts import can_start, parts_of
@@ -125,6 +126,9 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
             f"the data give no finite bounds of {names}: the outputs are no sums of products of "
             f"measured signals; give Box for {names}{_other_way(formulation)}"
         )
+    apart = dependent_text(formulation)
+    if apart:
+        return f"the data give no finite bounds of {names}: {apart}"
     return (
         f"the data give no finite bounds of {names}: the noise is strong for this input; give "
         "a prior such as Box or Stable, a longer record, or more excitation"

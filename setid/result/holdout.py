@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
+
+from setid.data.noise import Noise
 from setid.data.record import IOData
+from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.printing import rounded
+from setid.models.continuous import without_delta
+from setid.priors import Box
+from setid.proofs.evidence import Verification
+from setid.proofs.intervals import ParameterInterval
+from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
 
-__all__ = ["Holdout"]
+__all__ = ["Holdout", "members", "stated"]
+
+Intervals = Mapping[str, ParameterInterval]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,11 +29,9 @@ class Holdout:
 
     Parameters
     ----------
-    data : IOData
-        The samples that were held out.
-    scale : (float, float)
-        Least factor on the noise bounds with which members of the outer box explain these
-        samples: proved up to the first, attained at the second.
+    level : NoiseScale
+        Least factor on the noise bounds with which members of the outer box explain the record
+        that was held out, with its evidence.
 
     Examples
     --------
@@ -33,8 +44,17 @@ class Holdout:
     True
     """
 
-    data: IOData
-    scale: tuple[float, float]
+    level: NoiseScale
+
+    @property
+    def data(self) -> IOData:
+        """The samples that were held out."""
+        return self.level.formulation.data
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """The least factor: proved up to the first, attained at the second."""
+        return self.level.scale
 
     @property
     def holds(self) -> bool | None:
@@ -55,3 +75,60 @@ class Holdout:
             f"{what} ({self.data.samples} samples): they need {low} (proved) to {high} (attained) "
             "times the bounds"
         )
+
+    def verify(self, known: Formulation, intervals: Intervals) -> Verification:
+        """Check both ends again, for members of the outer box of an identification.
+
+        Parameters
+        ----------
+        known : Formulation
+            Of the identification. Bounds that it gives one a sample say nothing of other samples.
+        intervals : mapping of str to ParameterInterval
+        """
+        level = self.level
+        if not _same_bounds(level.noise, known.noise, known.data.samples):
+            return Verification(False, "held-out samples: the noise is not that of the result")
+        again = stated(known, intervals, self.data, level.noise, level.limit)
+        verdict = verify_scale(replace(level, formulation=again))
+        return verdict if verdict else Verification(False, f"held-out samples: {verdict.reason}")
+
+
+def members(known: Formulation, intervals: Intervals) -> list[Any]:
+    """Priors of an identification, and its outer box.
+
+    Parameters
+    ----------
+    known : Formulation
+    intervals : mapping of str to ParameterInterval
+    """
+    ends = {n: i.outer for n, i in intervals.items() if np.any(np.isfinite(i.outer))}
+    return [*known.priors, *([Box(ends)] if ends else [])]
+
+
+def stated(
+    known: Formulation, intervals: Intervals, data: IOData, noise: Noise, limit: float
+) -> Formulation:
+    """The problem of held-out samples for members of the outer box, noise at its limit.
+
+    Parameters
+    ----------
+    known : Formulation
+        Of the identification.
+    intervals : mapping of str to ParameterInterval
+    data : IOData
+        The samples that were held out.
+    noise : Noise
+        At a factor of 1.
+    limit : float
+        The factor.
+    """
+    model, given = without_delta(known.model), members(known, intervals)
+    return formulate(data, model, scaled_noise(noise.bounds(data), limit), given)
+
+
+def _same_bounds(one: Noise, other: Noise, samples: int) -> bool:
+    """Compare bounds, but for those of ``other`` that are given one a sample."""
+    kinds = [(getattr(one, kind), getattr(other, kind)) for kind in ("output", "input", "equation")]
+    alike = [np.shape(b)[:1] == (samples,) or np.array_equal(a, b) for a, b in kinds]
+    rest = (one.relative, one.model_error) == (other.relative, other.model_error)
+    return rest and all(alike)

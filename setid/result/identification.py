@@ -88,7 +88,7 @@ class Identification(FeasibleSet):
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
     holdout : Holdout, optional
-        What samples that were held out say of the noise bounds; not written to JSON.
+        What samples that were held out say of the noise bounds.
     fewer_priors : Identification, optional
         The result without priors that have unknowns of their own, where these intervals use it.
 
@@ -189,9 +189,13 @@ class Identification(FeasibleSet):
         Returns
         -------
         Verification
-            True where the formulation, the box, all outer ends and all attained ends hold.
+            True where the formulation, the box, all outer ends and all attained ends hold, and
+            what is said of samples that were held out.
         """
-        return verify(self.evidence, data)
+        verdict = verify(self.evidence, data)
+        if verdict and self.holdout is not None:
+            return self.holdout.verify(self.formulation, self.intervals)
+        return verdict
 
     # ---- files and tables ---------------------------------------------------------------
 
@@ -326,7 +330,7 @@ class Identification(FeasibleSet):
         return projection_estimate(self)
 
     def consistent(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64] | None:
-        """Prove that a parameter vector is consistent with data, noise bounds and priors.
+        """Find a proof that parameters are consistent with data, noise bounds and priors.
 
         Parameters
         ----------
@@ -335,8 +339,17 @@ class Identification(FeasibleSet):
         Returns
         -------
         (n,) float or None
-            A witness, noise included, near which a consistent one provably exists with
-            exactly these parameters; None where no proof was found.
+            No truth value: a witness, all unknowns with the noise included, near which a
+            consistent one provably exists with exactly these parameters; None where no proof was
+            found, which does not prove that they are inconsistent.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> result.consistent([-0.45, 2.0]) is not None, result.consistent([0.0, 2.0]) is None
+        (True, True)
         """
         from setid.feasible_points.witness import consistent
 

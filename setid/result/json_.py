@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -13,12 +14,14 @@ from setid.data.checks import FrozenMapping
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.formulation.formulation import Formulation, formulate
-from setid.formulation.units import in_units
+from setid.formulation.units import InUnits, in_units
 from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
-from setid.result.json_parts import read, write
+from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import array, optional
 from sparsepop_py.io.json_files.values import PROVED_POINT
@@ -29,6 +32,7 @@ _FORMAT, _VERSION = "setid", 1
 _KIND = "result"
 _NEAR = 1e-6  # violation of rows by stored witnesses, relative to the sizes of their terms
 _POINT = optional(PROVED_POINT)
+_SCALE = ("scale", "theta", "witness", "limit", "bound", "box", "refuted")  # of a least factor
 _PLAIN = ("tol", "time_limit", "solver", "progress", "unidentifiable")  # fields of options
 
 
@@ -88,6 +92,7 @@ def from_json(text: str) -> Identification:
     verdict = result.verify()
     if not verdict:
         raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
+    check_attained(result.intervals)
     return result
 
 
@@ -115,19 +120,34 @@ def _written(result: Identification) -> dict[str, Any]:
         ],
         "box": write(result.box, "box"),
         "bounds": write(result.bounds, "bounds"),
-        "ends": {
-            "attained": [_POINT.write(r.attained) for r in result.results],
-            "results": [_end(r) for r in result.results],
-            "certificates": CERTIFICATES.write([r.certificate for r in result.results]),
-        },
+        "ends": _ends(result.results),
         "unbounded": write(result.unbounded, "unbounded"),
         "reference": None if result.reference is None else _written(result.reference),
         "nonzero": write(result.nonzero, "nonzero"),
         "fewer_priors": None if result.fewer_priors is None else _written(result.fewer_priors),
+        "holdout": None if result.holdout is None else _held_out(result.holdout.level),
         "active": dict(result.active),
         "samples": [list(pair) for pair in result.samples],
         "timings": dict(result.timings),
         "notes": list(result.notes),
+    }
+
+
+def _held_out(level: NoiseScale) -> dict[str, Any]:
+    """Evidence from held-out samples; their problem follows from that of the result."""
+    return {
+        "data": write(level.formulation.data, "data"),
+        "noise": write(level.noise, "noise"),
+        "ends": _ends(() if level.result is None else (level.result,)),
+        **{key: write(getattr(level, key), key) for key in _SCALE},
+    }
+
+
+def _ends(found: Sequence[sp.Result]) -> dict[str, Any]:
+    return {
+        "attained": [_POINT.write(r.attained) for r in found],
+        "results": [_end(r) for r in found],
+        "certificates": CERTIFICATES.write([r.certificate for r in found]),
     }
 
 
@@ -161,15 +181,17 @@ def _result(found: dict[str, Any]) -> Identification:
     if problem.fingerprint != found["fingerprint"]:
         raise SetidError("from_json: the stored problem is not that of its record and its box")
     options = Options(**{name: found["options"][name] for name in _PLAIN})
+    intervals = FrozenMapping({i["name"]: _interval(i, formulation) for i in found["intervals"]})
+    asked = objectives(formulation) if found["ends"]["results"] else []
     return Identification(
         formulation=formulation,
-        intervals=FrozenMapping({i["name"]: _interval(i, formulation) for i in found["intervals"]}),
+        intervals=intervals,
         problem=problem,
         options=options,
         assumptions=formulation.assumptions,
         box=box,
         bounds=bounds,
-        results=_results(found["ends"], formulation, problem, options),
+        results=_results(found["ends"], in_units(problem, formulation), asked, options),
         active=FrozenMapping({str(k): v is True for k, v in found["active"].items()}),
         samples=tuple((int(r), int(k)) for r, k in found["samples"]),
         timings=FrozenMapping({str(k): float(v) for k, v in found["timings"].items()}),
@@ -178,7 +200,31 @@ def _result(found: dict[str, Any]) -> Identification:
         reference=reference,
         nonzero=read(found["nonzero"], "nonzero"),
         fewer_priors=fewer,
+        holdout=_holdout(found.get("holdout"), formulation, intervals, options),
     )
+
+
+def _holdout(
+    found: dict[str, Any] | None,
+    known: Formulation,
+    intervals: Mapping[str, ParameterInterval],
+    options: Options,
+) -> Holdout | None:
+    if found is None:
+        return None
+    noise, scale = read(found["noise"], "noise"), read(found["scale"], "scale")
+    if len(scale) != 2 or not all(type(end) is float for end in scale):
+        raise SetidError(f"holdout: found {scale!r:.60}, expected two numbers")
+    data, parts = read(found["data"], "data"), {key: read(found[key], key) for key in _SCALE}
+    formulation = stated(known, intervals, data, noise, parts["limit"])
+    problem = problem_with_factor(formulation, parts["box"])
+    asked = [problem.objective] if found["ends"]["results"] else []
+    results = _results(found["ends"], in_units(problem, formulation), asked, options)
+    result = results[0] if results else None
+    level = NoiseScale(
+        **parts, formulation=formulation, problem=problem, result=result, noise=noise
+    )
+    return Holdout(level)
 
 
 def _interval(found: dict[str, Any], formulation: Formulation) -> ParameterInterval:
@@ -214,14 +260,10 @@ def _check_witness(point: Any, formulation: Formulation) -> None:
 
 
 def _results(
-    found: dict[str, Any], formulation: Formulation, problem: sp.Problem, options: Options
+    found: dict[str, Any], scaled: InUnits, asked: Sequence[Any], options: Options
 ) -> tuple[sp.Result, ...]:
-    if not found["results"]:
-        return ()
-    scaled = in_units(problem, formulation)
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
     points = [_POINT.read(p, "attained") for p in found["attained"]]
-    asked = objectives(formulation)
     if not len(found["results"]) == len(proofs) == len(points) == len(asked):
         raise SetidError("ends: found numbers of proofs that differ, expected two a parameter")
     made = []

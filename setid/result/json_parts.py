@@ -27,7 +27,9 @@ from setid.models.block import BlockStructured
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.proofs.cells.output_cells import CellBox
-from setid.proofs.intervals import IntervalStatus
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.least_noise.denominator_cells import Cell, DenominatorCells, VaryingLeaf
+from setid.proofs.least_noise.varying_multipliers import VaryingCells
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
@@ -38,7 +40,9 @@ from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 from sparsepop_py.verified.uncertain_rows.sign_tree import LeftInverse, ParameterBox, SignTree
 from sparsepop_py.verified.uncertain_rows.unbounded_coefficients import CoefficientLimit
 
-__all__ = ["read", "write"]
+__all__ = ["check_attained", "read", "write"]
+
+_ROUNDED = 1e-9  # relative distance of an attained end from the outer interval, by rounding
 
 _ROOMS = ("setid.models", "setid.priors")  # whose dataclasses are written field by field
 _OTHERS: tuple[type, ...] = (
@@ -57,6 +61,10 @@ _OTHERS: tuple[type, ...] = (
     LeftInverse,
     SignTree,
     CoefficientLimit,
+    DenominatorCells,
+    VaryingCells,
+    Cell,
+    VaryingLeaf,
     sp.LinearBound,
 )
 _NUMBERS = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
@@ -139,6 +147,30 @@ def read(found: Any, place: str = "result") -> Any:
         if isinstance(error, SetidError):
             raise
         raise SetidError(f"{place}: {error}, expected a {found['is']}") from error
+
+
+def check_attained(intervals: Mapping[str, ParameterInterval]) -> None:
+    """Refuse attained ends outside of proved intervals, which verification has no need to.
+
+    Values at most 5 and at least -5 may well exist where every value lies in [-1, 1].
+
+    Parameters
+    ----------
+    intervals : mapping of str to ParameterInterval
+
+    Raises
+    ------
+    SetidError
+        Naming the end.
+    """
+    for name, item in intervals.items():
+        room = _ROUNDED * max((abs(end) for end in item.outer if isfinite(end)), default=0.0)
+        for end in item.inner or ():
+            if not item.outer[0] - room <= end <= item.outer[1] + room:
+                low, high = item.outer
+                raise SetidError(
+                    f"from_json: found {end!r} attained by {name}, expected it in [{low}, {high}]"
+                )
 
 
 def _read_object(name: str, found: dict[str, Any], place: str) -> Any:

@@ -27,7 +27,8 @@ from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
 from setid.result.reports import advice, binding_kinds, html
-from sparsepop_py.files import write_text
+from sparsepop_py.errors import check_writable
+from sparsepop_py.files import as_path, write_text
 
 if TYPE_CHECKING:
     import jinja2
@@ -78,7 +79,10 @@ def report(
     ------
     SolverNotFound
         If jinja2 or matplotlib is missing; the message says how to install them.
+    SparsePOPError
+        If the page cannot be written there.
     """
+    check_writable(str(as_path(path)), "path")
     environment = _environment()
     plt = require_matplotlib()
     with plt.style.context("default"):

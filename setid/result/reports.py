@@ -16,6 +16,7 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.html import table as html_table
+from setid.identifiability.dependent_signals import dependent_parameters
 
 __all__ = [
     "Remarks",
@@ -86,9 +87,18 @@ def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     result : FeasibleSet
     remarks : Remarks
     """
-    statuses = dict.fromkeys(item.status for item in result.intervals.values())
+    mixed = _mixed(result)
+    known = [item for item in result.intervals.values() if item.name not in mixed]
+    statuses = dict.fromkeys(item.status for item in known)
     lines = [f"{status}: {status.message}" for status in statuses]
     return lines + _centre(result) + _advice(result, remarks)
+
+
+def _mixed(result: FeasibleSet) -> set[str]:
+    """Find open parameters that no time settles, since their signals depend on each other."""
+    loose = {n for n, item in result.intervals.items() if item.outer == (-np.inf, np.inf)}
+    loose = {n for n in loose if str(result.intervals[n].status) == "partial"}
+    return loose & set(dependent_parameters(result.formulation)) if loose else loose
 
 
 def channels(data: IOData) -> str:
@@ -188,12 +198,14 @@ def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     if result.empty:
         return [_conflicting(result, remarks)]
     lines = []
+    mixed = _mixed(result)
     wide = [
         item.name
         for item in result.intervals.values()
         if not item.width < 2 * _WIDE * abs(item.centre)
         and item.width > 0
         and str(item.status) != "unidentifiable"
+        and item.name not in mixed
     ]
     if wide:
         lines.append(

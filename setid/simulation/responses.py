@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Structure, Transfer
@@ -50,11 +51,13 @@ def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool 
     top = np.pi / Ts
     if omega is None:
         return np.geomspace(top / 500.0, top, points)
-    values = np.atleast_1d(np.asarray(omega, float))
-    if values.ndim != 1 or not np.all((values > 0) & np.isfinite(values)):
-        raise SetidError("omega: expected finite frequencies > 0")
+    values = np.atleast_1d(real_array(omega, "omega", SetidError))
+    if values.ndim != 1 or not values.size or not np.all((values > 0) & np.isfinite(values)):
+        raise SetidError(f"omega: found {values.tolist()!r:.60}, expected finite frequencies > 0")
     if not continuous and np.any(values > top * (1 + 1e-12)):
-        raise SetidError(f"omega: expected frequencies in (0, pi / Ts] = (0, {top:g}]")
+        raise SetidError(
+            f"omega: found {values.max():g}, expected frequencies in (0, pi / Ts] = (0, {top:g}]"
+        )
     return values
 
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import FrozenMapping, frozen, real_array
+from setid.data.checks import FrozenMapping, frozen, parameters_of, real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure, Term, channel_of
 
@@ -160,15 +160,8 @@ def _columns(given: ArrayLike, field: str, channels: int) -> NDArray[np.float64]
 
 
 def _values(model: Structure, theta: ArrayLike | Mapping[str, float]) -> dict[str, float]:
-    names = model.parameters
-    if isinstance(theta, Mapping):
-        if set(theta) != set(names):
-            raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
-        return {name: float(theta[name]) for name in names}
-    values = np.asarray(theta, float)
-    if values.shape != (len(names),):
-        raise SetidError(f"theta: found shape {values.shape}, expected ({len(names)},)")
-    return dict(zip(names, values.tolist(), strict=True))
+    values = parameters_of(theta, model.parameters)
+    return dict(zip(model.parameters, values.tolist(), strict=True))
 
 
 def _simulate(

@@ -170,9 +170,39 @@ def test_tables_are_compared_with_the_record(tmp_path):
     rows = ["time,valve,level", *(f"{k},{u!r},{y!r}" for k, (u, y) in enumerate(pairs))]
     table.write_text("# a comment\n" + "\n".join(rows) + "\n")
     assert command.main(["--record", str(table), str(path)]) == 0
-    for change in (rows[:-1], [*rows[:-1], "9,1,2"], [*rows, ""], [*rows[:3], "#N/A", *rows[3:]]):
-        table.write_text("\n".join(change) + "\n")
-        assert command.main(["--record", str(table), str(path)]) == 2
+    changes = {
+        1: (rows[:-1], [*rows[:-1], "9,1,2"]),
+        2: ([*rows, ""], [*rows[:3], "#N/A", *rows[3:]], []),
+    }
+    for code, tables in changes.items():
+        for change in tables:
+            table.write_text("\n".join(change) + "\n")
+            assert command.main(["--record", str(table), str(path)]) == code
+
+
+def test_tables_with_decimal_commas_and_units_are_read(tmp_path, capsys):
+    found = loaded("o-0")
+    path, table = tmp_path / "identification.json", tmp_path / "record.csv"
+    path.write_text(written("o-0"))
+    pairs = list(zip(found["record"]["u"][0], found["record"]["y"][0], strict=True))
+    rows = [f"{k};{u!r};{y!r}".replace(".", ",") for k, (u, y) in enumerate(pairs)]
+    table.write_text("\n".join(["t;valve;level", "s;V;mm", *rows]) + "\n")
+    call = ["--record", str(table), str(path)]
+    assert command.main([*call, "--decimal", ",", "--header", "2"]) == 0
+    assert "u1 is column 'valve'" in capsys.readouterr().out
+    for missing in ([], ["--decimal", ","], ["--header", "2"]):
+        assert command.main([*call, *missing]) == 1
+        assert "--decimal , for decimal commas" in capsys.readouterr().out
+    for wrong in (["--decimal", ";"], ["--header", "x"], ["--headers", "2"], ["--header"]):
+        assert command.main([*call, *wrong]) == 2
+        assert "usage" in capsys.readouterr().out
+    table.write_text("\n".join(["t;valve;level", "s;V;mm", *rows[:3], "3;1,0;1.5"]) + "\n")
+    assert command.main([*call, "--decimal", ",", "--header", "2"]) == 1
+
+
+def test_help_is_given(capsys):
+    assert command.main(["--help"]) == command.main(["-h"]) == 0
+    assert capsys.readouterr().out.count("--decimal ") == 4
 
 
 # ---- damaged files ------------------------------------------------------------------------------

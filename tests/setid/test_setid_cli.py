@@ -119,13 +119,28 @@ def test_rows(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", record, *bounds, "1:4"]) == cli.EXIT_PROVED
     assert "3 samples" in capsys.readouterr().out
     assert main(["identify", record, *bounds, "x"]) == cli.EXIT_INPUT
+    assert main(["identify", record, *bounds[:-1], "--rows=-3:"]) == cli.EXIT_PROVED
+    assert "3 samples" in capsys.readouterr().out
+    for rows in ("3:1", "2:2", "1:500", "4:", "-9:"):
+        assert main(["identify", record, *bounds[:-1], f"--rows={rows}"]) == cli.EXIT_INPUT
+        told = capsys.readouterr().err
+        assert f"--rows: found '{rows}', expected FIRST < END <= 4" in told
+
+
+@pytest.mark.parametrize("kind", ["output", "input", "equation"])
+@pytest.mark.parametrize("bound", ["-1", "nan", "inf"])
+def test_wrong_noise_bounds_name_their_option(
+    record: str, kind: str, bound: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", record, *FIRST, f"--{kind}-noise={bound}"]) == cli.EXIT_INPUT
+    assert f"--{kind}-noise: found {bound}, expected a finite bound" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["identify", "nowhere.csv", *FIRST], "nowhere.csv"),
-        (["identify", "record.csv", *FIRST, "--equation-noise", "-1"], "bounds >= 0"),
+        (["identify", "record.csv", *FIRST, "--equation-noise", "-1"], "bound >= 0"),
         (["identify", "record.csv", "--na", "-1", "--nb", "1"], "na"),
         (
             ["identify", "record.csv", *FIRST, "--output-noise", "1", "--time-limit", "-1"],

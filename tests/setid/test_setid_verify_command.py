@@ -38,6 +38,19 @@ def test_both_checkers_confirm_the_file(
     assert done.returncode == 0 and "a1" in done.stdout
 
 
+def test_the_table_of_json_is_told_from_a_certificate(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in ("identify", "consistency"):
+        table = tmp_path / f"{command}.json"
+        call = [command, str(files[0]), *ORDERS, "--equation-noise", "0.5", "--json", str(table)]
+        assert main(call) == 0
+        capsys.readouterr()
+        assert main(["verify", str(table)]) == 2
+        told = capsys.readouterr().err
+        assert "what --json writes" in told and "identify --certificate" in told
+
+
 def test_another_record_is_refused(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

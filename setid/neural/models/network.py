@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
+from setid.data.checks import without_mask
 from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
@@ -34,7 +35,7 @@ def finite_array(given: Any, field: str, dimensions: int | None = None) -> Reals
         Naming the field and the first value that is no finite number.
     """
     try:
-        values = np.array(given, dtype=float)
+        values = np.array(without_mask(given), dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ModelError(f"{field}: found {type(given).__name__}, expected real numbers") from None
     if dimensions is not None and values.ndim != dimensions:

@@ -200,6 +200,7 @@ def test_files_keep_all_claims():
     [
         (lambda r: r["intervals"][0].update(outer=[0.6, 1.1]), "outer interval of T"),
         (lambda r: r["intervals"][0].update(inner=[0.1, 1.1]), "inner interval of T"),
+        (lambda r: r["intervals"][0].update(inner=[9.0, -9.0]), "9.0 attained by T"),
         (lambda r: r["attained"].pop(), "expected a stored result"),
         (lambda r: r.update(physical=r["identification"]), "found|expected"),
         (lambda r: r.pop("notes"), "expected a stored result"),

@@ -94,6 +94,19 @@ def test_jitter_is_reported_and_gaps_are_refused() -> None:
         sampling_time(np.array([0.2, 0.1, 0.0]), None, "clock")
 
 
+def test_times_that_drift_are_refused_and_a_slow_clock_is_not() -> None:
+    """k (1 + .0004 k) lies .0004 k (999 - k) from the line through its ends, most at 499, 500."""
+    k = np.arange(1000.0)
+    with pytest.raises(setid.DataError, match=r"found sample (499|500) 71 intervals from"):
+        sampling_time(k * (1 + 4e-4 * k), None, "t")
+    step, notes = sampling_time(k * (1 + 1e-6 * k), None, "t")  # .25 intervals at most
+    assert abs(step - 1.000999) < 1e-9 and len(notes) == 1
+    with pytest.raises(setid.DataError, match="intervals from equidistant times"):
+        sampling_time(k * (1 + 2.2e-6 * k), None, "t")  # .55 intervals
+    step, _ = sampling_time(1.003 * k, 1.0, "t")  # equidistant, only not quite at 1.0
+    assert step == 1.0
+
+
 def test_times_of_a_table_that_lost_a_row_are_refused(tmp_path: Path) -> None:
     lost = european(tmp_path, EUROPEAN.replace("0,2;-1;\n", ""))
     with pytest.raises(setid.DataError, match=r"record\.csv, column 't': found an interval"):
@@ -173,6 +186,12 @@ def test_records_from_any_table_with_columns_by_name() -> None:
     data = setid.IOData.from_frame(table, "u", "y", time="t")
     assert data.Ts == 2.0 and data.input_names == ("u",)
     assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
+    masked = Columns(t=np.arange(3.0), u=np.ma.array([1, 9, 3], mask=[0, 1, 0]), y=np.arange(3.0))
+    masked["day"] = np.ma.array(table["t"], mask=[0, 1, 0])
+    u = setid.IOData.from_frame(masked, "u", "y").u.ravel()
+    assert np.array_equal(u, [1.0, np.nan, 3.0], equal_nan=True)
+    with pytest.raises(setid.DataError, match="found no time at sample 1"):
+        setid.IOData.from_frame(masked, "u", "y", time="day")
     with pytest.raises(setid.DataError, match="'flag', sample 0: found .*True.*a real number$"):
         setid.IOData.from_frame(table, "flag", "y")
     with pytest.raises(setid.DataError, match="'text', sample 1: found 'x', expected a real"):

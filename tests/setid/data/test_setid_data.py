@@ -51,10 +51,45 @@ def test_wrong_records(make, message: str) -> None:
         make()
 
 
+@pytest.mark.parametrize(
+    "masked",
+    [
+        np.ma.array([0.0, 999.0, 2.0], mask=[0, 1, 0]),
+        np.ma.array([0, 999, 2], mask=[0, 1, 0]),
+        [np.ma.array([v], mask=[v == 999]) for v in (0, 999, 2)],
+    ],
+)
+def test_masked_elements_are_missing_samples(masked: object) -> None:
+    data = setid.IOData(masked, masked)
+    expected = [0.0, np.nan, 2.0]
+    assert np.array_equal(data.u.ravel(), expected, equal_nan=True)
+    assert np.array_equal(data.y.ravel(), expected, equal_nan=True)
+
+
+def test_what_is_proved_of_masked_samples_is_that_of_missing_ones() -> None:
+    """The masked 999 is no reading; 1.175 in its place would be consistent."""
+    y = np.ma.array([0.0, -6.25, 999.0, 2.0875], mask=[0, 0, 1, 0])
+    data = setid.IOData(np.ma.array([4.0, -3.0, 2.0, 1.0]), y)
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    assert not result.empty
+    online = setid.Recursive(setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    assert online.update(np.array([4.0, -3.0, 2.0, 1.0]), y)
+
+
 def test_constant_inputs_warn_unless_zero() -> None:
     with pytest.warns(setid.SetidWarning, match="input 2 is constant"):
         setid.IOData([[1, 5], [2, 5]], [1, 2])
     setid.IOData([0, 0], [1, 2])
+
+
+def test_rows_in_place_of_columns_are_warned_of() -> None:
+    nine = np.arange(9.0)[None, :]
+    with pytest.warns(setid.SetidWarning, match="found 1 samples of 9 inputs and 9 outputs"):
+        setid.IOData(nine, nine)
+    with pytest.warns(setid.SetidWarning, match="found 2 samples of 1 inputs and 3 outputs"):
+        setid.IOData([1.0, 2.0], np.arange(6.0).reshape(2, 3))
+    setid.IOData(nine.T, nine.T)
+    setid.IOData(np.eye(2), np.eye(2))
 
 
 def test_concat_keeps_beginnings_and_assumptions() -> None:

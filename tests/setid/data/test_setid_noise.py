@@ -41,8 +41,10 @@ def test_a_proportional_error_is_covered() -> None:
     [
         (lambda: setid.Noise(output=-1), "output: found -1, expected bounds >= 0"),
         (lambda: setid.Noise(input=[1, np.nan]), "input: found"),
+        (lambda: setid.Noise(output=np.ma.array([1, 9], mask=[0, 1])), "output: found"),
         (lambda: setid.Noise(input="loud"), "input: found str"),
         (lambda: setid.Noise(equation=np.inf), "equation: found an infinite value"),
+        (lambda: setid.Noise(output=np.inf), "output: found an infinite value, expected finite"),
         (lambda: setid.Noise(relative=2), "relative: found 2"),
         (lambda: setid.Noise(constraints=[3]), r"constraints\[0\]: found int"),
         (lambda: setid.Noise(output=[1, 2]).bounds(DATA), r"output: found shape \(2,\), expected"),

@@ -9,10 +9,22 @@ from typing import Any
 import pytest
 
 import setid
+import sparsepop_py as sp
 
 DATA = setid.IOData([1.0, 2.0, -1.0, 0.5], [0.0, 0.9, 1.7, -0.6])
 MODEL = setid.TransferFunction(1, 1)
 NOISE = setid.Noise(output=0.5)
+NOISE_OF_EQUATIONS = setid.Noise(equation=0.5)
+
+
+def select(**settings: Any) -> Any:
+    return setid.select(DATA, setid.TransferFunction, NOISE, [1], **settings)
+
+
+def result() -> setid.Identification:
+    data = setid.IOData([4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875])  # a published one
+    return setid.identify(data, MODEL, NOISE_OF_EQUATIONS)
+
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "one record": (lambda: setid.IOData.concat(DATA), "records: found IOData"),
@@ -44,11 +56,64 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: setid.select(DATA, setid.TransferFunction, NOISE, orders=2),
         "orders: found int",
     ),
+    "a width that is a word": (lambda: select(width="x"), "width: found 'x'"),
+    "a negative width": (lambda: select(width=-1), "width: found -1, expected a number > 0"),
+    "no truth value": (lambda: select(remove_idle="x"), "remove_idle: found 'x'"),
+    "no truth value either": (lambda: select(l1=1), "l1: found 1"),
+    "parameters that are a word": (
+        lambda: setid.simulate(MODEL, "ab", [1.0, 2.0]),
+        "theta: found str 'ab'",
+    ),
+    "a missing parameter": (
+        lambda: setid.simulate(MODEL, [float("nan"), 1], [1.0, 2.0]),
+        "theta: found NaN for a1",
+    ),
+    "a missing parameter by name": (
+        lambda: setid.simulate(MODEL, {"a1": 1, "b0": float("nan")}, [1.0, 2.0]),
+        "theta: found NaN for b0",
+    ),
+    "nothing to call": (
+        lambda: setid.identify(DATA, MODEL, NOISE, on_progress=3),
+        "on_progress: found 3, expected a callable",
+    ),
+    "no executor": (lambda: setid.identify(DATA, MODEL, NOISE, executor=3), "executor: found 3"),
+    "no name of a solver": (lambda: setid.Options(solver=3), "Options.solver: found 3"),
     "a bound for the noise": (
         lambda: setid.simulate_record(MODEL, {"a1": 0.5, "b0": 1.0}, [1.0, 2.0], 0.1),
         "noise: found float",
     ),
 }
+
+
+ASKED: dict[str, tuple[Callable[[setid.Identification], Any], str]] = {
+    "no frequency": (lambda found: found.bode([]), r"omega: found \[\], expected finite"),
+    "a word": (lambda found: found.bode("x"), "omega: found str 'x'"),
+    "a negative one": (lambda found: found.bode([-1.0]), r"omega: found \[-1.0\]"),
+    "beyond": (lambda found: found.bode([1.0, 10.0]), r"omega: found 10, expected .*\(0, 3.14"),
+    "none between": (lambda found: found.bode().between([]), r"omega: found \[\]"),
+    "a missing parameter": (lambda found: found.consistent([float("nan"), 1]), "theta: found NaN"),
+    "of a residual": (lambda found: setid.residuals(found, [1, float("nan")]), "theta: found NaN"),
+    "too few": (lambda found: setid.residuals(found, [1.0]), r"theta: found shape \(1,\)"),
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_wrong_questions_are_named(name: str) -> None:
+    call, message = ASKED[name]
+    found = result()
+    with pytest.raises(setid.SetidError, match=f"^{message}"):
+        call(found)
+
+
+@pytest.mark.parametrize("path", ["nowhere/page.html", ".", 3, ""])
+def test_reports_name_wrong_paths_before_any_work(
+    path: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = result()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("setid.result.page._sections", lambda *_: pytest.fail("work was done"))
+    with pytest.raises(sp.SparsePOPError, match="path: found"):
+        found.report(path)
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -60,6 +60,7 @@ def test_what_is_proved_of_the_published_record_holds_the_truth(tmp_path: Path) 
         ("\u0661,<y>", "line 17, column 0: found '\u0661', expected a number"),
         ("inf,<y>", "line 17, column 0: found 'inf', expected a number"),
         ("0x1p3,<y>", "line 17, column 0: found '0x1p3', expected a number"),
+        ("1e999,<y>", "line 17, column 0: found '1e999', beyond all doubles"),
         ('"1,<y>', "line 17: unexpected end of data"),
         ("0,5,0,3", "line 17: found 4 fields, expected 2"),
     ],
@@ -117,6 +118,23 @@ def test_commas_that_may_be_decimal_marks_are_spoken_of(tmp_path: Path) -> None:
 def test_points_are_no_decimal_marks_where_commas_are(tmp_path: Path) -> None:
     with pytest.raises(setid.DataError, match="line 1: found '1.500' beside numbers"):
         setid.IOData.from_csv(written(tmp_path, "1.500;2\n2;4\n"), 0, 1, decimal=",")
+
+
+@pytest.mark.parametrize(
+    ("text", "header", "message"),
+    [
+        ("u,y\n", None, "found 1 lines and 1 of headers, expected samples"),
+        ("# note\nu,y\nV,mm\n1,2\n", 3, "found 3 lines and 3 of headers"),
+        ("u,y\n1,2\n", 9, "found 2 lines and 9 of headers"),
+    ],
+)
+def test_tables_of_headers_alone_are_refused(
+    tmp_path: Path, text: str, header: int | None, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(setid.DataError, match=message) as told:
+        setid.IOData.from_csv(path, "u", "y", header=header)
+    assert str(path) in str(told.value)
 
 
 @pytest.mark.parametrize(("decimal", "header"), [(";", None), (".", -1), (".", True), (".", 1.0)])

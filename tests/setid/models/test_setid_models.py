@@ -148,7 +148,7 @@ def test_simulation_of_a_polynomial_model_by_hand() -> None:
 @pytest.mark.parametrize(
     ("theta", "u", "message"),
     [
-        ([1.0], [1, 2], r"theta: found shape \(1,\), expected \(2,\)"),
+        ([1.0], [1, 2], r"theta: found shape \(1,\), expected 2 numbers"),
         ({"a1": 1}, [1, 2], r"theta: found names \['a1'\], expected \['a1', 'b0'\]"),
         ([1.0, 1.0], [[1, 2]], r"u: found shape \(1, 2\), expected \(N, 1\)"),
         ([1.0, 1.0], [1, np.nan], "no NaN"),

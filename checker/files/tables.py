@@ -1,0 +1,44 @@
+"""Read the columns of a table of samples, to compare them with the record of a file."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from .reading import Malformed, finite
+
+MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
+MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
+
+
+def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], list[list[Any]]]:
+    """Names (or none) and columns; without a header it is one line if that holds a word."""
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        raise Malformed(f"{path}: {error}") from None
+    while lines and lines[0][:1] in ("", "#", "%"):
+        del lines[0]
+    marks = ";\t," if decimal == "." else ";\t"
+    mark = next((m for m in marks if lines and m in lines[0]), None)
+    rows = [[field.strip() for field in line.split(mark)] for line in lines]
+    if header is None:
+        header = int(bool(rows) and any(reading(field, decimal) == "no" for field in rows[0]))
+    names, rows = rows[0] if header and rows else [], rows[header:]
+    if len({len(row) for row in rows}) != 1 or len(names) not in (0, len(rows[0])):
+        raise Malformed(f"{path}: lines of several lengths, or none")
+    columns = zip(*rows, strict=True)
+    return names, [[reading(field, decimal) for field in column] for column in columns]
+
+
+def reading(field: str, decimal: str) -> Any:
+    """A reading, None where it is missing, "no" where it is something else."""
+    if field.lower() in MISSING:
+        return None
+    if decimal == ",":
+        field = "no" if "." in field else field.replace(",", ".")
+    try:
+        return Fraction(finite(float(field), "reading"))
+    except (ValueError, Malformed):
+        return "no"

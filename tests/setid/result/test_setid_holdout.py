@@ -1,0 +1,127 @@
+"""What held-out samples say of noise bounds is stored with its evidence, and checked with it."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+from functools import cache
+from math import inf
+from typing import Any
+
+import numpy as np
+import pytest
+
+import setid
+
+FAST = setid.Options(time_limit=2.0, progress=False)
+MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
+
+
+def record(noise: setid.Noise, samples: int = 40, seed: int = 0) -> setid.IOData:
+    u = np.random.default_rng(seed).uniform(-1, 1, samples)
+    return setid.simulate_record(MODEL, [-0.6, 1.0], u, noise, seed).data
+
+
+@cache
+def linear() -> setid.Identification:
+    noise = setid.Noise(equation=0.05)
+    return setid.identify(record(noise), MODEL, noise, setid.Stable(), FAST, holdout=0.5)
+
+
+@cache
+def refuted() -> setid.Identification:
+    loud = record(setid.Noise(output=0.5), 20, 1)
+    noise = setid.Noise(output=0.05)
+    return setid.identify(record(noise, 20), MODEL, noise, setid.Stable(), FAST, holdout=loud)
+
+
+@cache
+def long() -> setid.Identification:
+    """The held-out part has more than 100 equations, which cells of denominators refute."""
+    loud = record(setid.Noise(output=0.5), 130, 1)
+    noise = setid.Noise(output=0.05)
+    return setid.identify(record(noise, 20), MODEL, noise, setid.Stable(), FAST, holdout=loud)
+
+
+def one_a_sample() -> setid.Identification:
+    bounds = setid.Noise(equation=np.where(np.arange(40) < 20, 0.05, 0.1))
+    return setid.identify(record(setid.Noise(equation=0.05)), MODEL, bounds, (), FAST, holdout=0.5)
+
+
+def continuous() -> setid.Identification:
+    t = np.arange(40) * 0.1
+    u = np.where(np.sin(1.7 * t) > 0, 1.0, -1.0)
+    y = np.zeros(40)
+    for k in range(1, 40):
+        y[k] = 0.8 * y[k - 1] + 0.2 * u[k - 1]
+    model = setid.ContinuousTransferFunction(1, 0, hold="constant", delta=0.01)
+    noise = setid.Noise(output=0.05)
+    return setid.identify(setid.IOData(u, y, 0.1), model, noise, (), FAST, holdout=0.5)
+
+
+@pytest.mark.parametrize("case", [linear, refuted, long, one_a_sample, continuous])
+def test_json_keeps_what_held_out_samples_say(case: Any) -> None:
+    result: setid.Identification = case()
+    assert result.holdout is not None and result.verify(result.formulation.data)
+    text = result.to_json()
+    for other in (setid.Identification.from_json(text), pickle.loads(pickle.dumps(result))):
+        assert other.holdout is not None and other.holdout.scale == result.holdout.scale
+        assert np.array_equal(other.holdout.data.y, result.holdout.data.y)
+        assert other.summary() == result.summary() and setid.verify(other)
+    assert setid.Identification.from_json(text).to_json() == text
+
+
+def test_verdicts_are_those_of_the_records() -> None:
+    kept, loud, long_and_loud = linear().holdout, refuted().holdout, long().holdout
+    assert kept is not None and kept.holds is True  # the noise of both parts is within the bound
+    assert loud is not None and loud.holds is False
+    assert long_and_loud is not None and long_and_loud.holds is False
+    assert long_and_loud.level.refuted is not None
+
+
+def changed(result: setid.Identification, key: str, value: Any) -> str:
+    found = json.loads(result.to_json())
+    found["result"]["holdout"][key] = value
+    return json.dumps(found)
+
+
+@pytest.mark.parametrize("case", [linear, refuted, long])
+def test_stored_verdicts_that_do_not_follow_are_refused(case: Any) -> None:
+    result: setid.Identification = case()
+    assert result.holdout is not None
+    low, high = result.holdout.scale
+    quiet = json.loads(changed(result, "theta", None))["result"]["holdout"]["noise"]
+    quiet["fields"].update(output=1e-3, equation=1e-3)
+    for key, value in (
+        ("scale", [low * 1.5, high * 1.5]),
+        ("scale", [low, high * 0.5]),
+        ("scale", [0.0]),
+        ("noise", quiet),
+    ):
+        with pytest.raises(setid.SetidError):
+            setid.Identification.from_json(changed(result, key, value))
+    with pytest.raises(setid.SetidError):
+        moved = json.loads(result.to_json())["result"]["holdout"]["data"]
+        moved["fields"]["y"]["data"] = [3.0 * v for v in moved["fields"]["y"]["data"]]
+        setid.Identification.from_json(changed(result, "data", moved))
+
+
+def test_verdicts_are_about_the_noise_of_the_result() -> None:
+    result = refuted()
+    other = linear()
+    assert result.holdout is not None and other.holdout is not None
+    level = replace(result.holdout.level, scale=(30.0, inf))
+    forged = replace(result, holdout=replace(result.holdout, level=level))
+    assert "held-out samples" in forged.verify().reason and not setid.verify(forged)
+    # the noise of another identification
+    swapped = replace(result, holdout=other.holdout)
+    assert swapped.verify().reason == "held-out samples: the noise is not that of the result"
+
+
+def test_results_without_held_out_samples_are_read_as_before() -> None:
+    noise = setid.Noise(equation=0.05)
+    result = setid.identify(record(noise), MODEL, noise, (), FAST)
+    found = json.loads(result.to_json())
+    assert found["result"].pop("holdout") is None
+    assert setid.Identification.from_json(json.dumps(found)).holdout is None
