@@ -200,8 +200,7 @@ class LinearRelaxation:
 
     def point(self, solution: LinearSolution) -> NDArray[np.float64]:
         """Return the point x of a solution's first moments, shape (n,)."""
-        column = self._columns
-        t = np.where(column >= 0, solution.x[np.maximum(column, 0)], 0.0)
+        t = _present(solution.x, self._columns)
         return self.scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
     def products_error(self, solution: LinearSolution) -> NDArray[np.float64]:
@@ -209,13 +208,19 @@ class LinearRelaxation:
         return products_error(self.relaxation, solution.x)
 
 
+def _present(y: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the moments in some columns, 0 for the column -1 of a moment that does not occur."""
+    found = np.zeros(column.shape)
+    found[column >= 0] = y[column[column >= 0]]
+    return found
+
+
 def first_moments(
     scaled: Scaled, relaxation: Relaxation, y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the point x whose scaled form has the moments of degree one, shape (n,)."""
     letters = np.arange(1, scaled.problem.dimension + 1, dtype=np.int32)[:, None]
-    column = relaxation.moment_numbers(letters) - 1
-    t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
+    t = _present(y, relaxation.moment_numbers(letters) - 1)
     return scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
 
@@ -223,8 +228,7 @@ def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np
     """Sum |y_a - t^a| over the monomials of each variable, shape (n,)."""
     n = relaxation.problem.dimension
     letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
-    column = relaxation.moment_numbers(letters) - 1
-    t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
+    t = _present(y, relaxation.moment_numbers(letters) - 1)
     words = relaxation.moments
     longer = np.flatnonzero(monomials.degrees(words) > 1)
     miss = np.abs(y[longer] - monomials.evaluate(words[longer], t))

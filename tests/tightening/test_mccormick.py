@@ -11,7 +11,13 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.tightening.mccormick import (
+    LinearRelaxation,
+    coordinate_of,
+    first_moments,
+    products_error,
+    tighten_bounds,
+)
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
@@ -136,3 +142,12 @@ def test_objectives_that_are_coordinates():
     assert coordinate_of(-x) == (0, -1)
     for other in (2.0 * x, x + y, x * x, x - 1.0, 0.0 * x):
         assert coordinate_of(other) is None
+
+
+def test_points_of_relaxations_without_moments_are_those_of_the_box():
+    problem = Problem(sp.variables(1)[0] ** 2, lower=3, upper=3)
+    mccormick, _ = relaxation_of(problem)
+    scaled, relaxation = mccormick.scaled, mccormick.relaxation
+    assert relaxation.moments.shape[0] == 0
+    assert first_moments(scaled, relaxation, np.zeros(0)).tolist() == [3.0]
+    assert products_error(relaxation, np.zeros(0)).tolist() == [0.0]
