@@ -38,6 +38,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, relax
+from sparsepop_py.relaxation.recover_multipliers import finite, in_32_bits
 from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -170,9 +171,10 @@ class LinearRelaxation:
             small = 1e-7 if short else OBBT.small_multiplier
             row = np.flatnonzero(np.abs(z) > small * np.abs(z).max(initial=0.0))
             rows.append(row)
-            values.append(z[row] * weight / size[row])
+            with np.errstate(over="ignore", invalid="ignore"):
+                values.append(finite(z[row] * weight / size[row]))
             owners.append(np.full(row.size, owner))
-        row = np.concatenate(rows)
+        row, value = np.concatenate(rows), np.concatenate(values)
         used, products = _used_products(
             generator[row], self.relaxation.products, self.scaled.problem
         )
@@ -180,7 +182,7 @@ class LinearRelaxation:
             self.scaled.scaling,
             indices(used),
             interned(monomials.trim(word[row]) if row.size else np.zeros((0, 1), np.int32)),
-            np.concatenate(values).astype(np.float32 if short else np.float64),
+            in_32_bits(value) if short else value,
             indices(np.concatenate(owners)),
             indices(products),
         )
@@ -209,7 +211,7 @@ class LinearRelaxation:
 
 
 def _present(y: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the moments in some columns, 0 for the column -1 of a moment that does not occur."""
+    """Return the moments in some columns, 0 for the column -1 of none."""
     found = np.zeros(column.shape)
     found[column >= 0] = y[column[column >= 0]]
     return found
