@@ -166,3 +166,13 @@ def test_the_bound_of_a_certificate_has_to_be_proved(good, tmp_path, lower, caps
     assert capsys.readouterr().out.count("NOT PROVED") == 2
     with pytest.raises(sp.ProblemError, match=r"result.certificate: found the bound -0.4"):
         sp.read_json(tmp_path / "result.json")
+
+
+def test_names_that_stand_twice_are_malformed(good, tmp_path, capsys):
+    path = tmp_path / "result.json"
+    text = json.dumps(good)
+    path.write_text(text.replace('"ray"', '"ray": null, "ray"', 1), encoding="utf-8")
+    assert (main(["verify", str(path)]), command.main([str(path)])) == (2, 2)
+    assert "found the name 'ray' twice in one object" in capsys.readouterr().err
+    with pytest.raises(sp.ProblemError, match="found NaN, expected a number"):
+        sp.from_json(text.replace('"ray": null', '"ray": NaN', 1))

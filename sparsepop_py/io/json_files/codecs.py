@@ -6,6 +6,7 @@ strings. Arrays carry their type and shape.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -31,6 +32,7 @@ __all__ = [
     "number",
     "number_of",
     "optional",
+    "parsed",
     "rational",
     "record",
     "sequence",
@@ -55,6 +57,29 @@ class Codec:
 
     write: Callable[[Any], Any]
     read: Callable[[Any, str], Any]
+
+
+def parsed(source: str) -> Any:
+    """Parse JSON text, without names twice in one object and without NaN and Infinity.
+
+    Raises
+    ------
+    ValueError
+        If the text is no such JSON.
+    """
+    return json.loads(source, object_pairs_hook=_distinct, parse_constant=_no_constant)
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        name = next(name for k, (name, _) in enumerate(pairs) if name in dict(pairs[:k]))
+        raise ValueError(f"found the name {name!r:.40} twice in one object, expected it once")
+    return found
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"found {name}, expected a number")
 
 
 def wrong(place: str, found: Any, expected: str) -> ProblemError:
