@@ -10,6 +10,8 @@ import pytest
 
 import sparsepop_py as sp
 from checker import command
+from checker.files.reading import Malformed
+from checker.files.text import of_text
 from sparsepop_py.cli import main
 
 ROOT = "certificate", -1, "parts", 0
@@ -166,6 +168,30 @@ def test_the_bound_of_a_certificate_has_to_be_proved(good, tmp_path, lower, caps
     assert capsys.readouterr().out.count("NOT PROVED") == 2
     with pytest.raises(sp.ProblemError, match=r"result.certificate: found the bound -0.4"):
         sp.read_json(tmp_path / "result.json")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "min SQR(x - 1) + Sqr(y); s.t. x >= 2",
+        "MIN sqr(x - 1) + y^2; S.T. x >= 2",
+        "Minimize sqr(x - 1) + SQR(y) Subject To x >= 2",
+    ],
+)
+def test_capitals_of_keywords_and_functions_change_nothing(tmp_path, text):
+    """The least value of (x - 1)^2 + y^2 for x >= 2 is 1; a variable named SQR would give less."""
+    problem, certificate = tmp_path / "problem.txt", tmp_path / "certificate.json"
+    problem.write_text(text, encoding="utf-8")
+    given = sp.parse(text)
+    assert of_text(text).names == list(given.names) == ["x", "y"]
+    sp.write_json(sp.solve(given).certificate, certificate)
+    assert command.main([str(problem), str(certificate)]) == 0
+
+
+@pytest.mark.parametrize("bound", ["Inf", "-infinity", "NaN"])
+def test_infinite_numbers_are_no_variables(bound):
+    with pytest.raises(Malformed, match="an infinite number"):
+        of_text(f"min x; s.t. x >= {bound}")
 
 
 def test_names_that_stand_twice_are_malformed(good, tmp_path, capsys):
