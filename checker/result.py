@@ -10,7 +10,7 @@ from typing import Any
 from .arithmetic.polynomial import INF
 from .certificates.certificate import Certificates
 from .certificates.point import ProvedPoint, falls_without_limit
-from .files.reading import Malformed, Problem, fields, finite, item, problem
+from .files.reading import Malformed, Problem, fields, finite, item, items, problem
 
 STATUSES = (
     "OPTIMAL",
@@ -79,11 +79,12 @@ def remarks(found: Any, certificates: Any) -> list[str]:
 
 
 def proved_bound(proof: Any, claim: Any) -> str:
-    """The sentence about a lower bound; raises where it is not proved."""
+    """The sentence about a lower bound; raises where it, or the bound stated, is not proved."""
     bound, why = proof.prove()
-    if bound < claim:
+    most = max(claim, proof.claim)
+    if bound < most:
         weak = "" if bound == -INF else f", only {shown(bound)} is proved"
-        wanted = "no feasible point" if claim == INF else f"objective >= {shown(claim)}"
+        wanted = "no feasible point" if most == INF else f"objective >= {shown(most)}"
         raise NotProved(f"{wanted}: not proved{weak} ({'; '.join(dict.fromkeys(why))})")
     if claim == INF:
         return "proved: no feasible point"
@@ -105,6 +106,14 @@ def check_result(found: Any, given: Problem | None = None) -> list[str]:
     return check_claims(found, "result", proof, about)
 
 
+def direction(found: Any, about: Problem | None, place: str) -> list[Fraction]:
+    """A ray: as many finite doubles as there are variables."""
+    ray = [Fraction(finite(value, place)) for value in items(found, place)]
+    if about is not None and len(ray) != about.dimension:
+        raise Malformed(f"{place}: {len(ray)} numbers for {about.dimension} variables")
+    return ray
+
+
 def check_claims(
     found: Any, place: str, proof: Any, about: Problem | None, value_of: Any = None
 ) -> list[str]:
@@ -120,7 +129,9 @@ def check_claims(
         raise NotProved("the status says that no point is feasible, the bound does not")
     if proof is None and lowest != -INF:
         raise NotProved(f"objective >= {shown(lowest)}: there is no certificate")
-    lines = [] if lowest == -INF else [proved_bound(proof, lowest)]
+    ray = None if found.get("ray") is None else direction(found["ray"], about, f"{place}.ray")
+    lines = [] if proof is None else [proved_bound(proof, lowest)]
+    lines = [] if lowest == -INF else lines
     endless, point = got.status == "UNBOUNDED" or claim == -INF, item(found, "attained", place)
     if point is None or about is None:
         if claim != INF or endless:
@@ -128,8 +139,7 @@ def check_claims(
         return lines
     attained = ProvedPoint(point, about, f"{place}.attained")
     if endless:
-        ray = [Fraction(finite(v, f"{place}.ray")) for v in found.get("ray") or ()]
-        if value_of is not None or not falls_without_limit(about, attained, ray or None):
+        if value_of is not None or not falls_without_limit(about, attained, ray):
             raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
         return [*lines, "proved: the objective falls without limit along a feasible ray"]
     reason, value = attained.fails(), attained.value

@@ -15,6 +15,7 @@ from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.files import read_text
+from sparsepop_py.io.json_files.codecs import parsed
 
 __all__ = ["add_verify", "certificate_text"]
 
@@ -88,7 +89,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _read(path: str) -> Identification:
     """Read a stored identification; the reader verifies its claims."""
     try:
-        found = json.loads(read_text(path))
+        found = parsed(read_text(path))
     except (ValueError, RecursionError) as error:
         raise SetidError(f"{path}: {error}, expected JSON text") from None
     if isinstance(found, dict) and "is" not in found and {"file", "model"} <= set(found):

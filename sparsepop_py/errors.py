@@ -38,6 +38,13 @@ class DenominatorError(ProblemError):
     """
 
 
+class ClaimError(ProblemError):
+    """A stored result claims more than its certificate or its point proves.
+
+    The message names the claim and what is proved.
+    """
+
+
 class FormatError(SparsePOPError, ValueError):
     """A file or a text cannot be read.
 

@@ -70,7 +70,12 @@ class Row:
         self.branches = any(n % 2 == 0 for _, factors in self.terms for _, n in factors)
 
     def matters(self, stale: set[int]) -> bool:
-        """Whether it may say more than it did before these variables changed."""
+        """Whether it may say more than it did before these variables changed.
+
+        A constant that is not in ``target`` leaves no point, whatever has changed.
+        """
+        if not self.variables:
+            return True
         return bool(stale) and (self.branches or not stale.isdisjoint(self.variables))
 
 

@@ -20,6 +20,10 @@ TOKEN = re.compile(
     r"|(?P<name>[A-Za-z_]\w*(?:\[[^\]]*\])?)|(?P<mark>\*\*|[-+*/^()]))"
 )
 RELATION = re.compile(r"(>=|<=|==|=[gleGLE]=|=)")
+BREAK = re.compile(r";|(?=\bs\.\s*t\.)|(?=\bsubject\s+to\b)", re.I)
+SUCH_THAT = re.compile(r"^(s\.\s*t\.|subject\s+to\b|st\b)\s*:?", re.I)
+AIM = re.compile(r"^(min|max)(imi[sz]e)?\b\s*:?", re.I)
+NO_NAMES = ("inf", "infinity", "nan")
 SIDES, ZERO, ONE = ("lo", "up"), Fraction(0), Fraction(1)
 ENDS: dict[str, tuple[Any, Any]] = {
     "free": (-INF, INF),
@@ -170,21 +174,24 @@ def made(
 
 def of_text(source: str) -> Problem:
     """A problem like ``min x1*x2; s.t. x1^2 + x2^2 <= 1; x1 >= 0``."""
-    pieces = [p.strip() for p in re.split(r";|(?=\bs\.\s*t\.)|(?=\bsubject\s+to\b)", source)]
-    pieces = [re.sub(r"^(s\.\s*t\.|subject\s+to\b|st\b)\s*:?", "", p).strip() for p in pieces]
-    aims = [p for p in pieces if re.match(r"(min|max)(imi[sz]e)?\b", p)]
+    pieces = [p.strip() for p in BREAK.split(source)]
+    pieces = [SUCH_THAT.sub("", p).strip() for p in pieces]
+    aims = [p for p in pieces if AIM.match(p)]
     if len(aims) != 1:
         raise Malformed("the text has no objective, or more than one")
-    goal = re.sub(r"^(min|max)(imi[sz]e)?\b\s*:?", "", aims[0])
+    goal = AIM.sub("", aims[0])
     rows = [p for p in pieces if p and p is not aims[0]]
     found = (match for p in (goal, *rows) for match in TOKEN.finditer(RELATION.sub(" ", p)))
-    names = sorted({m["name"] for m in found if m["name"] and m["name"] != "sqr"}, key=natural)
+    used = {m["name"] for m in found if m["name"] and m["name"].lower() != "sqr"}
+    if any(name.lower() in NO_NAMES for name in used):
+        raise Malformed("the text has an infinite number")
+    names = sorted(used, key=natural)
     letters = {name.lower(): k for k, name in enumerate(names, 1)}
     if len(letters) < len(names) or not names:
         raise Malformed("the text has no variables, or names that differ in case only")
     constraints = [c for p in rows for c in relations(p, letters)]
     objective = Expression(goal, letters).polynomial()
-    return made(objective, constraints, [(-INF, INF)] * len(names), names, aims[0][:3])
+    return made(objective, constraints, [(-INF, INF)] * len(names), names, aims[0][:3].lower())
 
 
 def of_gms(source: str) -> Problem:

@@ -28,7 +28,7 @@ from setid.proofs.physical import objectives_of, problem_within, verify_physical
 from setid.result.identification import Identification
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
-from sparsepop_py.io.json_files.codecs import optional
+from sparsepop_py.io.json_files.codecs import optional, parsed
 from sparsepop_py.io.json_files.values import PROVED_POINT
 
 __all__ = ["Reparametrisation", "reparametrise"]
@@ -168,7 +168,7 @@ class Reparametrisation:
             If the text is no result, or a claim in it does not follow from the record in it.
         """
         try:
-            found = json.loads(text)
+            found = parsed(text)
             if {key: found[key] for key in _HEAD} != _HEAD:
                 raise SetidError(f"from_json: found {found['is']!r:.60}, expected {_KIND!r}")
             result = _read(found[_KIND])

@@ -22,6 +22,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from setid.result.json_parts import read, write
+from sparsepop_py.io.json_files.codecs import parsed
 from sparsepop_py.plots import new_axes
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "new_axes",
     "number",
     "parameters",
+    "parsed",
     "python_control",
     "read",
     "real_array",

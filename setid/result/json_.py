@@ -23,7 +23,7 @@ from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
-from sparsepop_py.io.json_files.codecs import array, optional
+from sparsepop_py.io.json_files.codecs import array, optional, parsed
 from sparsepop_py.io.json_files.values import PROVED_POINT
 
 __all__ = ["from_json", "to_json"]
@@ -74,8 +74,8 @@ def from_json(text: str) -> Identification:
         If the text is no identification, or a claim in it does not follow from its record.
     """
     try:
-        found = json.loads(text)
-    except (json.JSONDecodeError, TypeError, RecursionError) as error:
+        found = parsed(text)
+    except (ValueError, TypeError, RecursionError) as error:
         raise SetidError(f"from_json: {error}, expected JSON text") from None
     head = [found.get(key) for key in ("format", "is", "version")] if type(found) is dict else []
     if head != [_FORMAT, _KIND, _VERSION]:

@@ -33,6 +33,7 @@ from sparsepop_py.branch_and_bound.complements import Complements, Terms
 from sparsepop_py.lp.highs import SparseRows
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.recover_multipliers import finite
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
@@ -486,9 +487,10 @@ class ProductModel:
             if weight > 0:
                 shift, slope = cut.scaled(data.scaling)
                 letters = np.append(0, cut.variables + 1).astype(np.int32)
-                factor = np.sqrt(weight * size) * np.concatenate([shift[None], slope.T])
+                with np.errstate(over="ignore", invalid="ignore"):
+                    factor = np.sqrt(weight * size) * np.concatenate([shift[None], slope.T])
                 one = np.zeros(1, np.int32)
-                groups.append(Multipliers(one, letters[None, :, None], factor[None]))
+                groups.append(Multipliers(one, letters[None, :, None], finite(factor[None])))
         return Identity(data.scaling, tuple(groups), dual.products)
 
     def cut(self, row: int, point: Floats) -> SquareCut | None:
@@ -582,15 +584,15 @@ class ProductModel:
             rows = np.flatnonzero(price[: self.rows])
             more = np.flatnonzero(price[above:])
             each = [1 + self.number[rows], single + place[more]]
-            values = [price[rows] * size / data.sizes[rows], price[above + more] * size]
-            if cutoff is not None:
-                each.append(np.array([count]))
-                value_of_cutoff = np.atleast_1d(cutoff)[k] * size
-                values.append(np.array([value_of_cutoff]))
+            with np.errstate(over="ignore", invalid="ignore"):
+                values = [price[rows] * size / data.sizes[rows], price[above + more] * size]
+                if cutoff is not None:
+                    each.append(np.array([count]))
+                    values.append(np.atleast_1d(cutoff)[k : k + 1] * size)
             generator += each
             value += values
             owner.append(np.full(sum(part.size for part in each), k))
-        numbers = np.concatenate(value).astype(float)
+        numbers = finite(np.concatenate(value).astype(float))
         return LinearDual(
             data.scaling,
             indices(np.concatenate(generator)),

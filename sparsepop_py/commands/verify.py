@@ -6,9 +6,10 @@ import argparse
 from typing import Any
 
 from sparsepop_py.commands.parsers import add_command
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ClaimError, ProblemError
 from sparsepop_py.formats import read
 from sparsepop_py.io.json_files.files import read_json
+from sparsepop_py.io.json_files.references import check_references
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.rational.result import RationalResult
@@ -45,7 +46,10 @@ def add_verify(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    lines = verified(arguments.files)
+    try:
+        lines = verified(arguments.files)
+    except ClaimError as error:
+        lines = [f"NOT PROVED  {error}"]
     print("\n".join(lines))
     return 1 if any(line.startswith("NOT PROVED") for line in lines) else 0
 
@@ -74,6 +78,8 @@ def _against(problem: Problem | RationalProblem, found: Any, path: str) -> list[
         return _claims(found)
     if not isinstance(found, (Certificate, RationalCertificate)):
         raise ProblemError(f"{path}: found a {type(found).__name__}, expected a certificate")
+    if isinstance(found, Certificate) and isinstance(problem, Problem):
+        check_references(found, problem, path)
     return [*_bound(problem, found), *_remarks(problem)]
 
 

@@ -29,7 +29,15 @@ from sparsepop_py.verified.box.scaling import Scaled
 from sparsepop_py.verified.certificate.multipliers import Multipliers
 from sparsepop_py.verified.certificate.sos_identity import Identity, Priced
 
-__all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
+__all__ = [
+    "finite",
+    "floored",
+    "identity_of",
+    "in_32_bits",
+    "margin",
+    "repaired",
+    "shortened",
+]
 
 _FLOOR = 4e-13  # in scaled units; rounding leaves about a tenth of that in each row
 _FIRM = 1e-14  # relative, added to normal equations, whose unknowns may be dependent
@@ -66,7 +74,8 @@ def identity_of(
     priced = None
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         if group.generator[0] >= sizes.size:
-            priced = _priced(relaxation, group, part.ravel() * objective_size, sizes.size)
+            values = _weighted(part.ravel(), np.full(part.size, objective_size))
+            priced = _priced(relaxation, group, values, sizes.size)
             continue
         weight = objective_size / sizes[group.generator]
         if group.free:
@@ -95,14 +104,24 @@ def _priced(
     block, term = rows.terms_of(group.generator - first)
     moving = rows.words[term].any(axis=1)
     block, term = block[moving], term[moving]
-    return Priced(rows.words[term], values[block] * rows.coefficients[term])
+    return Priced(rows.words[term], _weighted(values[block], rows.coefficients[term]))
 
 
 def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert multipliers to the original units; those that overflow become zero."""
     with np.errstate(over="ignore", invalid="ignore"):
-        product = part * weight
-    return np.where(np.isfinite(product), product, 0.0)
+        return finite(part * weight)
+
+
+def finite(multipliers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Replace multipliers that have overflowed by zero: certificates hold finite numbers only."""
+    return np.where(np.isfinite(multipliers), multipliers, 0.0)
+
+
+def in_32_bits(multipliers: NDArray[np.float64]) -> NDArray[Any]:
+    """Round multipliers to 32 bits unless the largest one overflows there."""
+    small = np.abs(multipliers).max(initial=0.0) < np.finfo(np.float32).max
+    return multipliers.astype(np.float32) if small else multipliers
 
 
 def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -211,8 +230,7 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
             used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
             values = _triangular(values)
         if used.any():
-            small = np.abs(values[used]).max(initial=0.0) < np.finfo(np.float32).max
-            kept.append(group.chosen(used, values[used].astype(np.float32 if small else float)))
+            kept.append(group.chosen(used, in_32_bits(values[used].astype(float))))
     return replace(identity, multipliers=tuple(kept))
 
 
@@ -223,7 +241,7 @@ def _letters(problem: Problem, generator: NDArray[Any]) -> NDArray[np.int32]:
 def _factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factor symmetric matrices as L L', negative eigenvalues set to zero."""
     values, vectors = np.linalg.eigh(matrices)
-    return vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return finite(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
 
 
 def _triangular(factors: NDArray[np.float64]) -> NDArray[np.float64]:

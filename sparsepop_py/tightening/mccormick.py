@@ -38,6 +38,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, relax
+from sparsepop_py.relaxation.recover_multipliers import finite, in_32_bits
 from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -170,9 +171,10 @@ class LinearRelaxation:
             small = 1e-7 if short else OBBT.small_multiplier
             row = np.flatnonzero(np.abs(z) > small * np.abs(z).max(initial=0.0))
             rows.append(row)
-            values.append(z[row] * weight / size[row])
+            with np.errstate(over="ignore", invalid="ignore"):
+                values.append(finite(z[row] * weight / size[row]))
             owners.append(np.full(row.size, owner))
-        row = np.concatenate(rows)
+        row, value = np.concatenate(rows), np.concatenate(values)
         used, products = _used_products(
             generator[row], self.relaxation.products, self.scaled.problem
         )
@@ -180,7 +182,7 @@ class LinearRelaxation:
             self.scaled.scaling,
             indices(used),
             interned(monomials.trim(word[row]) if row.size else np.zeros((0, 1), np.int32)),
-            np.concatenate(values).astype(np.float32 if short else np.float64),
+            in_32_bits(value) if short else value,
             indices(np.concatenate(owners)),
             indices(products),
         )
@@ -200,8 +202,7 @@ class LinearRelaxation:
 
     def point(self, solution: LinearSolution) -> NDArray[np.float64]:
         """Return the point x of a solution's first moments, shape (n,)."""
-        column = self._columns
-        t = np.where(column >= 0, solution.x[np.maximum(column, 0)], 0.0)
+        t = _present(solution.x, self._columns)
         return self.scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
     def products_error(self, solution: LinearSolution) -> NDArray[np.float64]:
@@ -209,13 +210,19 @@ class LinearRelaxation:
         return products_error(self.relaxation, solution.x)
 
 
+def _present(y: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the moments in some columns, 0 for the column -1 of none."""
+    found = np.zeros(column.shape)
+    found[column >= 0] = y[column[column >= 0]]
+    return found
+
+
 def first_moments(
     scaled: Scaled, relaxation: Relaxation, y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the point x whose scaled form has the moments of degree one, shape (n,)."""
     letters = np.arange(1, scaled.problem.dimension + 1, dtype=np.int32)[:, None]
-    column = relaxation.moment_numbers(letters) - 1
-    t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
+    t = _present(y, relaxation.moment_numbers(letters) - 1)
     return scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
 
@@ -223,8 +230,7 @@ def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np
     """Sum |y_a - t^a| over the monomials of each variable, shape (n,)."""
     n = relaxation.problem.dimension
     letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
-    column = relaxation.moment_numbers(letters) - 1
-    t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
+    t = _present(y, relaxation.moment_numbers(letters) - 1)
     words = relaxation.moments
     longer = np.flatnonzero(monomials.degrees(words) > 1)
     miss = np.abs(y[longer] - monomials.evaluate(words[longer], t))

@@ -233,6 +233,16 @@ def test_infeasible_problems_are():
     assert verdict(found) == "refused"
 
 
+@pytest.mark.parametrize(
+    "row", [lambda x: 0 * x >= 1, lambda x: 0 * x == 1, lambda x: 0 * x >= 1e-9]
+)
+def test_constants_that_no_point_satisfies_prove_that_there_is_none(row):
+    (x,) = sp.variables(1)
+    text = sp.to_json(sp.solve(sp.Problem(x, [row(x)], 0, 1)))
+    found = json.loads(text)["result"]
+    assert (found["status"], verdict(found)) == ("INFEASIBLE", "accepted")
+
+
 @pytest.mark.parametrize("factor", [0.5, 0.999])
 def test_a_scaling_has_to_hold_the_box(factor):
     """With half the scale the remainder costs less, and the box is not that of the problem."""

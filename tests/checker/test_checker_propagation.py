@@ -4,11 +4,32 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from checker.arithmetic import interval as iv
 from checker.arithmetic.polynomial import Polynomial
 from checker.certificates.propagation import Box, Row, Rows
 
 INF = math.inf
+
+
+@pytest.mark.parametrize(
+    ("constant", "target"), [(-1.0, (0, INF)), (-5e-324, (0, INF)), (1.0, (0, 0))]
+)
+@pytest.mark.parametrize("stale", [{0}, set()])
+def test_a_false_row_without_variables_leaves_no_point(constant, target, stale):
+    rows = Rows([Row(Polynomial.of([()], [constant]), target)], [])
+    box = Box([(0, iv.above(1.0))], {False: set(stale), True: set(stale)})
+    rows.sweep(box, False)
+    assert box.empty
+
+
+@pytest.mark.parametrize(("constant", "target"), [(1.0, (0, INF)), (0.0, (0, 0))])
+def test_a_true_row_without_variables_leaves_the_box(constant, target):
+    rows = Rows([Row(Polynomial.of([()], [constant]), target)], [])
+    box = Box([(0, iv.above(1.0))])
+    rows.sweep(box, False)
+    assert [(iv.exact(a), iv.exact(b)) for a, b in box.ends] == [(0, 1)]
 
 
 def test_a_root_chooses_its_branch_by_what_the_same_sweep_found():

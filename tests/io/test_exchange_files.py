@@ -209,7 +209,7 @@ WRONG: list[tuple[str, str]] = [
         r"constraints\[0\].kind: found 'MAYBE', expected one of NONNEGATIVE, ZERO",
     ),
     (edited(lambda d: d["problem"]["lower"].update(type="f2")), r"lower.type: found 'f2'"),
-    (edited(lambda d: d["problem"]["lower"].update(shape=[-1])), r"expected a list of numbers"),
+    (edited(lambda d: d["problem"]["lower"].update(shape=[-1])), r"lower.shape: found \[-1\]"),
 ]
 
 

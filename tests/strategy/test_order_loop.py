@@ -424,3 +424,21 @@ def test_relaxations_precede_exact_gram_matrices_that_take_longer(monkeypatch):
     result = check(problem, sp.solve(problem, Options(effort="auto")))
     assert result.status is Status.OPTIMAL
     assert result.lower_bound <= 1.0 <= result.upper_bound  # as planted
+
+
+@pytest.mark.parametrize("refine", ["none", "prove", "scipy"])
+@pytest.mark.parametrize(
+    ("lower", "power", "right", "least"),
+    [(1, 1, 1, 1.0), (-1, 2, 0, 0.0), (1, 2, -1, INF)],
+    ids=["y = 1", "y^2 = 0", "y^2 = -1"],
+)
+def test_boxes_that_are_points_have_relaxations_without_moments(refine, lower, power, right, least):
+    (y,) = sp.variables(1)
+    problem = Problem(y, [y**power == right], lower, 1)
+    options = Options(effort="auto", refine=refine)
+    result = sp.solve(problem, options)
+    attained = Status.BOUNDED if refine == "none" else Status.OPTIMAL
+    assert result.status == (Status.INFEASIBLE if least == INF else attained)
+    assert result.lower_bound == pytest.approx(least, abs=1e-6)
+    ratio = sp.solve(sp.RationalProblem(y / (1 + y**2), [y**power == right], lower, 1), options)
+    assert ratio.lower_bound == pytest.approx(least if least == INF else least / 2, abs=1e-6)

@@ -11,10 +11,16 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.tightening.mccormick import (
+    LinearRelaxation,
+    coordinate_of,
+    first_moments,
+    products_error,
+    tighten_bounds,
+)
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
-from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Tightening
 
 
 def relaxation_of(problem):
@@ -136,3 +142,39 @@ def test_objectives_that_are_coordinates():
     assert coordinate_of(-x) == (0, -1)
     for other in (2.0 * x, x + y, x * x, x - 1.0, 0.0 * x):
         assert coordinate_of(other) is None
+
+
+def test_points_of_relaxations_without_moments_are_those_of_the_box():
+    problem = Problem(sp.variables(1)[0] ** 2, lower=3, upper=3)
+    mccormick, _ = relaxation_of(problem)
+    scaled, relaxation = mccormick.scaled, mccormick.relaxation
+    assert relaxation.moments.shape[0] == 0
+    assert first_moments(scaled, relaxation, np.zeros(0)).tolist() == [3.0]
+    assert products_error(relaxation, np.zeros(0)).tolist() == [0.0]
+
+
+def test_multipliers_that_32_bits_do_not_hold_keep_64():
+    """On [-1e100, 1e100]^2 row prices of order one are multipliers of order 1e100."""
+    x, y = sp.variables(2)
+    problem = Problem(x * y, [x + y >= 1], -1e100, 1e100)
+    mccormick, _ = relaxation_of(problem)
+    price = np.full(mccormick.program.b.size, -1.0)
+    for size in (1.0, 1e100, 1e300):
+        value = mccormick.dual([price], [size], short=True).value
+        assert value.size and np.isfinite(value).all()
+        assert value.dtype == (np.float32 if size == 1.0 else np.float64)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_certificates_over_huge_boxes_hold_finite_multipliers():
+    x, y = sp.variables(2)
+    rows = [-0.5 - x * y**2 >= 0, 10.5 - 2 * y - 2 * x**2 + 5 * y**3 >= 0]
+    problem = Problem(x**3 + 8 * x**2 * y, rows, -1e100, 1e100)
+    result = sp.solve(problem, sp.Options(effort="auto", work_limit=0.3))
+    duals = [
+        step.argument
+        for node in result.certificate.root
+        for step in node.box.steps
+        if isinstance(step, Tightening)
+    ]
+    assert duals and all(np.isfinite(dual.value).all() for dual in duals)

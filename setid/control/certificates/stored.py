@@ -21,6 +21,7 @@ from setid.control.engine import (
     TransferFunction,
     Verification,
     formulate,
+    parsed,
     read,
     write,
 )
@@ -238,9 +239,9 @@ def from_json(text: str) -> StabilityCertificate:
         If the text is no certificate, or a claim in it does not follow from its record.
     """
     try:
-        found = json.loads(text)
+        found = parsed(text)
         head = {key: found.get(key) for key in _HEAD} if type(found) is dict else {}
-    except (json.JSONDecodeError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise SetidError(f"from_json: {error}, expected JSON text") from None
     if head != _HEAD:
         raise SetidError(f"from_json: found {head}, expected {_HEAD}")

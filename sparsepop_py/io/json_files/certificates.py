@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sized
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
+    array_of,
+    checked,
+    finite,
     flag,
     number,
+    number_of,
     optional,
     rational,
     record,
@@ -37,52 +47,170 @@ __all__ = ["CERTIFICATE", "CERTIFICATES"]
 
 _ENDS = Codec(
     lambda ends: [array.write(end) for end in ends],
-    lambda found, place: sequence(array).read(found, place),
+    lambda found, place: sequence(array_of("F", 1)).read(_two(found, place), place),
 )
-SCALING = record(Scaling, centre=array, scale=array, boxed=array, side=array, ends=optional(_ENDS))
-MULTIPLIERS = record(
-    Multipliers, generator=array, basis=array, values=array, floor=number, place=optional(array)
+_FLOOR = number_of("a finite number >= 0", lambda value: 0 <= value < math.inf)
+_WORDS, _WHOLE, _NUMBERS = array_of("i", 2), array_of("i", 1), array_of("f", 1)
+
+
+def _check_scaling(scaling: Scaling, place: str) -> None:
+    """Refuse scalings that hold no real t, or turn a variable around."""
+    parts = (scaling.centre, scaling.scale, scaling.boxed, scaling.side, *(scaling.ends or ()))
+    sizes = [part.size for part in parts]
+    if len(set(sizes)) > 1:
+        raise codecs.wrong(place, sizes, "as many numbers of each kind")
+    low, high = scaling.bounds
+    far = np.where(scaling.boxed, 1.0, np.inf)
+    real = (-far <= low) & (low <= high) & (high <= far) & (low < np.inf) & (high > -np.inf)
+    sound = real & ((scaling.scale > 0) | (scaling.boxed & (scaling.scale == 0)))
+    if not sound.all():
+        v = int(np.argmin(sound))
+        raise codecs.wrong(
+            place,
+            f"t{v + 1} in [{low[v]}, {high[v]}], scale {scaling.scale[v]}",
+            "a range of real numbers, within [-1, 1] where boxed, and a positive scale",
+        )
+
+
+def _check_letters(words: Words, dimension: int, place: str) -> None:
+    """Refuse words with letters outside 0, ..., n."""
+    bad = words[(words < 0) | (words > dimension)]
+    if bad.size:
+        raise codecs.wrong(place, int(bad[0]), f"0 or a variable in 1..{dimension}")
+
+
+def _check_lengths(place: str, *arrays: Sized) -> None:
+    """Refuse arrays of several lengths."""
+    sizes = [len(each) for each in arrays]
+    if len(set(sizes)) > 1:
+        raise codecs.wrong(place, sizes, "arrays of one length")
+
+
+def _check_products(products: NDArray[Any], place: str) -> None:
+    if products.shape[1] != 2:
+        raise codecs.wrong(f"{place}.products", list(products.shape), "pairs of generators")
+
+
+def _check_group(group: Multipliers, place: str) -> None:
+    if not group.consistent:
+        shapes = [list(group.basis.shape), list(group.values.shape)]
+        raise codecs.wrong(place, shapes, "shapes of basis and values that belong together")
+
+
+def _check_identity(identity: Identity, place: str) -> None:
+    n = identity.scaling.centre.size
+    _check_products(identity.products, place)
+    for k, group in enumerate(identity.multipliers):
+        _check_letters(group.basis, n, f"{place}.multipliers[{k}].basis")
+    if identity.priced is not None:
+        _check_lengths(f"{place}.priced", identity.priced.words, identity.priced.values)
+        _check_letters(identity.priced.words, n, f"{place}.priced.words")
+
+
+def _check_linear(dual: LinearDual, place: str) -> None:
+    _check_products(dual.products, place)
+    _check_lengths(place, dual.generator, dual.word, dual.value, dual.owner)
+    _check_letters(dual.word, dual.scaling.centre.size, f"{place}.word")
+
+
+def _check_exact(dual: ExactDual, place: str) -> None:
+    _check_lengths(place, dual.lower, dual.upper)
+    _check_lengths(place, dual.row, dual.word, dual.value)
+    _check_letters(dual.word, dual.lower.size, f"{place}.word")
+
+
+def _check_tightening(step: Tightening, place: str) -> None:
+    _check_lengths(place, step.variable, step.side, step.value)
+    if np.any(np.abs(step.side) != 1):
+        raise codecs.wrong(f"{place}.side", step.side.tolist(), "1 and -1")
+    if not isinstance(step.argument, LinearDual) and step.value.size != 1:
+        raise codecs.wrong(place, f"{step.value.size} bounds", "one bound, or a LinearDual")
+
+
+SCALING = checked(
+    record(
+        Scaling,
+        centre=_NUMBERS,
+        scale=_NUMBERS,
+        boxed=array_of("b", 1),
+        side=_WHOLE,
+        ends=optional(_ENDS),
+    ),
+    _check_scaling,
 )
-PRICED = record(Priced, words=array, values=array)
-IDENTITY = record(
-    Identity,
-    scaling=SCALING,
-    multipliers=sequence(MULTIPLIERS),
-    products=array,
-    priced=optional(PRICED),
+MULTIPLIERS = checked(
+    record(
+        Multipliers,
+        generator=_WHOLE,
+        basis=array_of("i", 3),
+        values=array_of("f", 2, 3),
+        floor=_FLOOR,
+        place=optional(array_of("i", 2)),
+    ),
+    _check_group,
 )
-LINEAR = record(
-    LinearDual,
-    scaling=SCALING,
-    generator=array,
-    word=array,
-    value=array,
-    owner=array,
-    products=array,
+PRICED = record(Priced, words=_WORDS, values=_NUMBERS)
+IDENTITY = checked(
+    record(
+        Identity,
+        scaling=SCALING,
+        multipliers=sequence(MULTIPLIERS),
+        products=_WORDS,
+        priced=optional(PRICED),
+    ),
+    _check_identity,
+)
+LINEAR = checked(
+    record(
+        LinearDual,
+        scaling=SCALING,
+        generator=_WHOLE,
+        word=_WORDS,
+        value=_NUMBERS,
+        owner=_WHOLE,
+        products=_WORDS,
+    ),
+    _check_linear,
 )
 PROPAGATION = record(Propagation, sweeps=whole, uses_cutoff=flag)
-SUBLEVEL = record(Sublevel, identity=IDENTITY, cutoff=number)
+SUBLEVEL = record(Sublevel, identity=IDENTITY, cutoff=finite)
 INVERSE = record(
-    LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
+    LeftInverse,
+    rows=_WHOLE,
+    variables=_WHOLE,
+    inverse=array_of("f", 2),
+    centre=_NUMBERS,
+    radius=_NUMBERS,
 )
-GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
-EXACT = record(
-    ExactDual,
-    lower=array,
-    upper=array,
-    row=array,
-    word=array,
-    value=sequence(rational),
-    gram=optional(tagged({ExactGram: GRAM})),
+GRAM = record(ExactGram, basis=_WORDS, first=_WHOLE, second=_WHOLE, value=_NUMBERS)
+EXACT = checked(
+    record(
+        ExactDual,
+        lower=array_of("F", 1),
+        upper=array_of("F", 1),
+        row=_WHOLE,
+        word=_WORDS,
+        value=sequence(rational),
+        gram=optional(tagged({ExactGram: GRAM})),
+    ),
+    _check_exact,
 )
 ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM, ExactDual: EXACT})
 _DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactDual: EXACT})
-TIGHTENING = record(
-    Tightening, variable=array, side=array, value=array, argument=_DUAL, uses_cutoff=flag
+TIGHTENING = checked(
+    record(
+        Tightening,
+        variable=_WHOLE,
+        side=_WHOLE,
+        value=array_of("F", 1),
+        argument=_DUAL,
+        uses_cutoff=flag,
+    ),
+    _check_tightening,
 )
 _BRANCH = Codec(
     lambda branch: [int(branch[0]), number.write(branch[1])],
-    lambda found, place: (whole.read(_two(found, place)[0], place), number.read(found[1], place)),
+    lambda found, place: (whole.read(_two(found, place)[0], place), finite.read(found[1], place)),
 )
 
 
@@ -160,9 +288,9 @@ class _Certificates:
             nodes[k] = self._node(parts[k], f"{place}.parts[{k}]", k, nodes)
         certificate = Certificate(
             part("fingerprint", text),
-            part("bound", number),
+            part("bound", codecs.bound),
             nodes[0],
-            part("cutoff", optional(number)),
+            part("cutoff", optional(finite)),
             part("correction", number),
             part("assumptions", sequence(text)),
         )
@@ -176,11 +304,14 @@ class _Certificates:
         children = part("children", sequence(whole))
         if any(not own < child <= own + len(nodes) for child in children):
             raise codecs.wrong(f"{place}.children", list(children), "numbers of later parts")
+        branch = part("branch", optional(_BRANCH))
+        if len(children) != (0 if branch is None else 2):
+            raise codecs.wrong(f"{place}.children", list(children), "two of a branch, else none")
         return Node(
             BoxProof(part("steps", sequence(self.steps))),
             part("argument", optional(ARGUMENT)),
             part("empty", flag),
-            part("branch", optional(_BRANCH)),
+            branch,
             tuple(nodes[child] for child in children),
         )
 

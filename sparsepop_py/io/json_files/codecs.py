@@ -6,6 +6,8 @@ strings. Arrays carry their type and shape.
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,11 +22,17 @@ from sparsepop_py.errors import ProblemError
 __all__ = [
     "Codec",
     "array",
+    "array_of",
+    "bound",
+    "checked",
     "field_of",
+    "finite",
     "flag",
     "mapping",
     "number",
+    "number_of",
     "optional",
+    "parsed",
     "rational",
     "record",
     "sequence",
@@ -35,6 +43,7 @@ __all__ = [
 
 _TYPES = {"f8": np.float64, "f4": np.float32, "i8": np.int64, "i4": np.int32, "b1": np.bool_}
 _NAMES = {np.dtype(kind): name for name, kind in _TYPES.items()}
+_LONGEST = 10**7
 _RATIONAL = re.compile("-?[0-9]+(/0*[1-9][0-9]*)?")
 _SPECIAL = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
 
@@ -48,6 +57,29 @@ class Codec:
 
     write: Callable[[Any], Any]
     read: Callable[[Any, str], Any]
+
+
+def parsed(source: str) -> Any:
+    """Parse JSON text, without names twice in one object and without NaN and Infinity.
+
+    Raises
+    ------
+    ValueError
+        If the text is no such JSON.
+    """
+    return json.loads(source, object_pairs_hook=_distinct, parse_constant=_no_constant)
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        name = next(name for k, (name, _) in enumerate(pairs) if name in dict(pairs[:k]))
+        raise ValueError(f"found the name {name!r:.40} twice in one object, expected it once")
+    return found
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"found {name}, expected a number")
 
 
 def wrong(place: str, found: Any, expected: str) -> ProblemError:
@@ -138,18 +170,24 @@ def _write_array(values: Any) -> Any:
     return {"type": name, "shape": list(values.shape), "data": flat}
 
 
+def _read_lengths(shape: Any, data: Any, place: str) -> tuple[int, ...]:
+    """Read the shape of an array, which has to fit its data."""
+    lengths: tuple[int, ...] = sequence(whole).read(shape, f"{place}.shape")
+    if not isinstance(data, list):
+        raise wrong(f"{place}.data", data, "a list of numbers")
+    if any(not 0 <= length < _LONGEST for length in lengths):
+        raise wrong(f"{place}.shape", shape, f"lengths from 0 to {_LONGEST - 1}")
+    size = math.prod(lengths)
+    if size != len(data):
+        raise wrong(f"{place}.data", f"{len(data)} numbers", f"{size}, as the shape says")
+    return lengths
+
+
 def _read_array(found: Any, place: str) -> NDArray[Any]:
     name, shape, data = (field_of(found, key, place) for key in ("type", "shape", "data"))
     if not isinstance(name, str) or name not in _TYPES:
         raise wrong(f"{place}.type", name, "one of " + ", ".join(_TYPES))
-    lengths = sequence(whole).read(shape, f"{place}.shape")
-    if not isinstance(data, list) or any(length < 0 for length in lengths):
-        raise wrong(f"{place}.data", data, "a list of numbers")
-    size = 1
-    for length in lengths:
-        size *= length
-    if size != len(data):
-        raise wrong(f"{place}.data", f"{len(data)} numbers", f"{size}, as the shape says")
+    lengths = _read_lengths(shape, data, place)
     each = number if name[0] == "f" else whole if name[0] == "i" else flag
     if name[0] == "f" and not all(type(v) is float for v in data):
         data = [each.read(v, f"{place}.data") for v in data]
@@ -171,6 +209,54 @@ def _read_array(found: Any, place: str) -> NDArray[Any]:
 
 
 array = Codec(_write_array, _read_array)
+
+
+def array_of(kind: str, *ranks: int) -> Codec:
+    """Build the codec of arrays of one kind with one of these numbers of axes.
+
+    Kinds are "i" whole numbers, "b" flags, "f" finite doubles and "F" doubles that may be infinite.
+    """
+
+    def read(found: Any, place: str) -> NDArray[Any]:
+        values = _read_array(found, place)
+        if values.dtype.kind != kind.lower() or values.ndim not in ranks:
+            axes = " or ".join(map(str, ranks))
+            shown = f"type {found['type']} and shape {found['shape']}"
+            raise wrong(place, shown, f"{_CALLED[kind]} with {axes} axes")
+        bad = {"f": ~np.isfinite(values), "F": np.isnan(values)}.get(kind, np.zeros(0, bool))
+        if bad.any():
+            raise wrong(f"{place}.data", float(values[bad][0]), _CALLED[kind])
+        return values
+
+    return Codec(_write_array, read)
+
+
+def number_of(expected: str, fits: Callable[[float], bool]) -> Codec:
+    """Build the codec of doubles that have to satisfy a condition."""
+
+    def read(found: Any, place: str) -> float:
+        value = _read_number(found, place)
+        if not fits(value):
+            raise wrong(place, found, expected)
+        return value
+
+    return Codec(_write_number, read)
+
+
+_CALLED = {"i": "whole numbers", "b": "flags", "f": "finite numbers", "F": "numbers"}
+finite = number_of("a finite number", math.isfinite)
+bound = number_of("a number", lambda value: not math.isnan(value))
+
+
+def checked(codec: Codec, check: Callable[[Any, str], None]) -> Codec:
+    """Add a check that gets what was read and its place, and raises."""
+
+    def read(found: Any, place: str) -> Any:
+        value = codec.read(found, place)
+        check(value, place)
+        return value
+
+    return Codec(codec.write, read)
 
 
 def optional(codec: Codec) -> Codec:

@@ -102,7 +102,7 @@ def from_json(source: str) -> Any:
       s.t. 1 - x1 - x2 >= 0
     """
     try:
-        found = json.loads(source)
+        found = codecs.parsed(source)
     except (TypeError, ValueError, RecursionError) as error:
         raise ProblemError(f"JSON: {error}") from error
     if codecs.field_of(found, "format", "JSON") != _FORMAT:

@@ -8,7 +8,7 @@ from typing import Any
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.rational import Rational, RationalConstraint
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ClaimError
 from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
@@ -29,6 +29,7 @@ from sparsepop_py.io.json_files.values import (
     PROVED_POINT,
     STATUS,
     check_bounds,
+    proved_bound,
     with_rounding,
 )
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -77,10 +78,10 @@ def _result(**parts: Any) -> RationalResult:
     """Build the result if certificate and point prove the bounds that the text states."""
     result = RationalResult(**parts)
     proof, problem = result.certificate, result.problem
-    proved, attained, point = proof.verify(problem).bound, math.inf, None
+    proved, attained, point = proved_bound(proof, problem), math.inf, None
     ranges = proof.proved_ranges(problem)
     if isinstance(ranges, str):
-        raise ProblemError(f"result.certificate: {ranges}")
+        raise ClaimError(f"result.certificate: {ranges}")
     if result.attained is not None:
         lifted = problem.lifted(ranges, proof.level)
         point = result.attained.recheck(lifted)
@@ -91,7 +92,7 @@ def _result(**parts: Any) -> RationalResult:
     check_bounds(result.lower_bound, result.upper_bound, proved, attained)
     claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
     if not claims.get(result.status, True):
-        raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
+        raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")
     return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
 
 

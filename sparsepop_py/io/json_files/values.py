@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ClaimError, ProblemError
 from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
+    finite,
     number,
     optional,
     record,
@@ -22,6 +23,7 @@ from sparsepop_py.io.json_files.codecs import (
     text,
     whole,
 )
+from sparsepop_py.io.json_files.references import check_references
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rounding import Rounding
@@ -39,6 +41,7 @@ __all__ = [
     "RESULT",
     "STATUS",
     "check_bounds",
+    "proved_bound",
     "with_rounding",
 ]
 
@@ -177,6 +180,23 @@ def _status(found: Any, place: str) -> Status:
     return Status[found]
 
 
+def proved_bound(certificate: Any, problem: Any) -> float:
+    """Compute what a certificate proves: at least the bound that it states.
+
+    Raises
+    ------
+    ClaimError
+        If it proves less.
+    """
+    verdict = certificate.verify(problem)
+    if not verdict.ok:
+        raise ClaimError(
+            f"result.certificate: found the bound {certificate.bound!r}, expected one that is "
+            f"proved ({verdict.reason})"
+        )
+    return float(verdict.bound)
+
+
 def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
     """Raise if stated bounds are better than what is proved and attained.
 
@@ -189,16 +209,16 @@ def check_bounds(lower: float, upper: float, proved: float, attained: float) -> 
 
     Raises
     ------
-    ProblemError
+    ClaimError
     """
     if lower > proved:
-        raise ProblemError(
+        raise ClaimError(
             f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
             "which its certificate proves"
         )
     near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
     if upper < attained and not near:
-        raise ProblemError(
+        raise ClaimError(
             f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
             "which its point attains"
         )
@@ -207,9 +227,12 @@ def check_bounds(lower: float, upper: float, proved: float, attained: float) -> 
 def _result(**parts: Any) -> Result:
     """Build the result if certificate and point prove the bounds that the text states."""
     result = Result(**parts, relaxation=None, solution=None)
+    if result.ray is not None and result.ray.shape != (result.problem.dimension,):
+        raise codecs.wrong("result.ray", f"{result.ray.size} numbers", "one a variable")
     proved = -math.inf
     if result.certificate is not None:
-        proved = result.certificate.verify(result.problem).bound
+        check_references(result.certificate, result.problem, "result.certificate")
+        proved = proved_bound(result.certificate, result.problem)
     attained = math.inf
     point = None if result.attained is None else result.attained.recheck(result.problem)
     if point is not None:
@@ -219,7 +242,7 @@ def _result(**parts: Any) -> Result:
     check_bounds(result.lower_bound, result.upper_bound, proved, attained)
     claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
     if not claims.get(result.status, True):
-        raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
+        raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")
     # the point as it was proved again: nothing that a file says of it is believed
     return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
 
@@ -243,7 +266,7 @@ HISTORY_ENTRY = record(
 OPTIONS = _simple(Options)
 _RAY = Codec(
     lambda ray: [number.write(v) for v in ray],
-    lambda found, place: np.array(sequence(number).read(found, place), float),
+    lambda found, place: np.array(sequence(finite).read(found, place), float),
 )
 RESULT = record(
     _result,

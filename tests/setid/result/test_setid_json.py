@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import setid
+from setid.analysis.reparametrise import Reparametrisation
+from setid.control.certificates import stored
 
 FAST = setid.Options(time_limit=5.0, progress=False)
 FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
@@ -158,3 +160,11 @@ def test_frame_of_intervals() -> None:
     assert tuple(frame.loc["b1", ["outer_low", "outer_high"]]) == result.intervals["b1"].outer
     assert frame.loc["a1", "status"] == "certified"
     assert np.isnan(refuted().to_frame().loc["a1", "inner_low"])
+
+
+@pytest.mark.parametrize(
+    "read", [setid.Identification.from_json, stored.from_json, Reparametrisation.from_json]
+)
+def test_names_that_stand_twice_are_refused(read):
+    with pytest.raises(setid.SetidError, match="found the name 'format' twice in one object"):
+        read('{"format": "setid", "format": "setid", "version": 1}')

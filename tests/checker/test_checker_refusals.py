@@ -1,0 +1,204 @@
+"""What the format page forbids is refused by package and checker alike, needed or not."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import pytest
+
+import sparsepop_py as sp
+from checker import command
+from checker.files.reading import Malformed
+from checker.files.text import of_text
+from sparsepop_py.cli import main
+
+ROOT = "certificate", -1, "parts", 0
+GROUP = (*ROOT, "argument", "multipliers")
+SCALING = (*ROOT, "argument", "scaling")
+
+
+@pytest.fixture(scope="module")
+def good() -> Any:
+    """The least value of x y on the unit circle with x >= y is -1/2."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 == 1, x - y >= 0], -2, 2)
+    found = json.loads(sp.to_json(sp.solve(problem)))
+    assert found["result"]["certificate"][-1]["parts"][0]["argument"]["is"] == "Identity"
+    return found
+
+
+def changed(found: Any, path: tuple[Any, ...], value: Any) -> Any:
+    found = copy.deepcopy(found)
+    holder = found["result"]
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+    return found
+
+
+def unneeded(found: Any) -> Any:
+    """The same certificate with a claim that needs no argument: f >= -4 holds on the box.
+
+    Interval arithmetic may round that once.
+    """
+    for path in (("lower_bound",), ("certificate", -1, "bound")):
+        found = changed(found, path, -4.5)
+    return found
+
+
+def codes(found: Any, tmp_path: Any) -> tuple[int, int]:
+    """Exit codes of the package's command and of the checker."""
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(found), encoding="utf-8")
+    return main(["verify", str(path)]), command.main([str(path)])
+
+
+def array(kind: str, shape: list[int], data: list[Any]) -> dict[str, Any]:
+    return {"type": kind, "shape": shape, "data": data}
+
+
+def first(array_: dict[str, Any], value: Any) -> dict[str, Any]:
+    return {**array_, "data": [value, *array_["data"][1:]]}
+
+
+def test_the_good_file_is_accepted(good, tmp_path):
+    assert codes(good, tmp_path) == codes(unneeded(good), tmp_path) == (0, 0)
+
+
+FORBIDDEN = {
+    "a letter outside 1..n": ((*GROUP, 0, "basis"), lambda a: first(a, 3)),
+    "a generator out of range": ((*GROUP, 0, "generator"), lambda a: first(a, 99)),
+    "a negative generator": ((*GROUP, 0, "generator"), lambda a: first(a, -2)),
+    "generators of type f8": ((*GROUP, 0, "generator"), lambda a: {**a, "type": "f8"}),
+    "generators with two axes": (
+        (*GROUP, 0, "generator"),
+        lambda a: {**a, "shape": [1, *a["shape"]]},
+    ),
+    "an infinite value": ((*GROUP, 0, "values"), lambda a: first(a, "inf")),
+    "a floor of -inf": ((*GROUP, 0, "floor"), "-inf"),
+    "a negative floor": ((*GROUP, 0, "floor"), -5e-324),
+    "a huge shape": ((*ROOT, "argument", "products"), array("i4", [0, 2147483648], [])),
+    "triples as products": ((*ROOT, "argument", "products"), array("i4", [0, 3], [])),
+    "a product of later ones": ((*ROOT, "argument", "products"), array("i4", [1, 2], [1, 9])),
+    "an infinite centre": ((*SCALING, "centre"), lambda a: first(a, "inf")),
+    "a negative scale": ((*SCALING, "scale"), lambda a: first(a, -1.0)),
+    "one scale of two": ((*SCALING, "scale"), array("f8", [1], [1.0])),
+    "a free variable of scale 0": ((*SCALING, "boxed"), lambda a: first(a, False)),
+    "ends that are swapped": (
+        (*SCALING, "ends"),
+        [array("f8", [2], [1.0, 1.0]), array("f8", [2], [-1.0, 1.0])],
+    ),
+    "ends that hold no real number": (
+        (*SCALING, "ends"),
+        [array("f8", [2], ["inf", -1.0]), array("f8", [2], ["inf", 1.0])],
+    ),
+    "a single end": ((*SCALING, "ends"), [array("f8", [2], [-1.0, -1.0])]),
+    "a branch without children": ((*ROOT, "branch"), [0, 0.0]),
+    "children without a branch": ((*ROOT, "children"), [1, 1]),
+    "an infinite cutoff": (("certificate", -1, "cutoff"), "inf"),
+    "a bound that is no number": (("certificate", -1, "bound"), "nan"),
+    "a ray that is a number": (("ray",), 3.0),
+    "a ray of one entry": (("ray",), [1.0]),
+    "an infinite ray": (("ray",), [1.0, "inf"]),
+}
+STEPS = {
+    "a tightening by an infinite multiplier": lambda linear: changed_in(linear, "value", "inf"),
+    "a tightening by a generator out of range": lambda linear: changed_in(linear, "generator", 99),
+    "a tightening of another objective": lambda linear: changed_in(linear, "owner", 1),
+    "a monomial at an inequality": lambda linear: changed_in(linear, "word", 1),
+}
+
+
+def changed_in(argument: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    return {**argument, name: first(argument[name], value)}
+
+
+@pytest.mark.parametrize("name", FORBIDDEN)
+def test_what_the_page_forbids_is_malformed(good, tmp_path, name):
+    path, value = FORBIDDEN[name]
+    found = changed(unneeded(good), path, value)
+    if name == "a free variable of scale 0":
+        found = changed(found, (*SCALING, "scale"), lambda a: first(a, 0.0))
+    assert codes(found, tmp_path) == (2, 2)
+
+
+def test_free_multipliers_of_inequalities_are_malformed(good, tmp_path):
+    groups = good["result"]["certificate"][-1]["parts"][0]["argument"]["multipliers"]
+    free = next(k for k, group in enumerate(groups) if len(group["values"]["shape"]) == 2)
+    assert groups[free]["generator"]["data"] == [1]
+    path = (*GROUP, free, "generator")
+    assert codes(changed(unneeded(good), path, array("i4", [1], [2])), tmp_path) == (2, 2)
+
+
+@pytest.mark.parametrize("name", [None, *STEPS])
+def test_steps_that_the_page_forbids_are_malformed(good, tmp_path, name):
+    wide = {"centre": array("f8", [2], [0.0, 0.0]), "scale": array("f8", [2], [3.0, 3.0])}
+    boxed = {"boxed": array("b1", [2], [True, True]), "side": array("i4", [2], [0, 0])}
+    linear = {
+        "is": "LinearDual",
+        "scaling": {**wide, **boxed, "ends": None},
+        "generator": array("i4", [1], [2]),
+        "word": array("i4", [1, 1], [0]),
+        "value": array("f8", [1], [1.0]),
+        "owner": array("i4", [1], [0]),
+        "products": array("i4", [0, 2], []),
+    }
+    step = {
+        "is": "Tightening",
+        "variable": array("i4", [1], [0]),
+        "side": array("i4", [1], [1]),
+        "value": array("f8", [1], ["-inf"]),
+        "argument": linear if name is None else STEPS[name](linear),
+        "uses_cutoff": False,
+    }
+    found = changed(unneeded(good), (*ROOT, "steps"), [step])
+    assert codes(found, tmp_path) == ((0, 0) if name is None else (2, 2))
+
+
+@pytest.mark.parametrize("lower", [-0.6, "-inf"])
+def test_the_bound_of_a_certificate_has_to_be_proved(good, tmp_path, lower, capsys):
+    """The result claims what is true, its certificate -0.4, which is too much."""
+    found = changed(good, ("lower_bound",), lower)
+    assert codes(found, tmp_path) == (0, 0)
+    found = changed(found, ("certificate", -1, "bound"), -0.4)
+    capsys.readouterr()
+    assert codes(found, tmp_path) == (1, 1)
+    assert capsys.readouterr().out.count("NOT PROVED") == 2
+    with pytest.raises(sp.ProblemError, match=r"result.certificate: found the bound -0.4"):
+        sp.read_json(tmp_path / "result.json")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "min SQR(x - 1) + Sqr(y); s.t. x >= 2",
+        "MIN sqr(x - 1) + y^2; S.T. x >= 2",
+        "Minimize sqr(x - 1) + SQR(y) Subject To x >= 2",
+    ],
+)
+def test_capitals_of_keywords_and_functions_change_nothing(tmp_path, text):
+    """The least value of (x - 1)^2 + y^2 for x >= 2 is 1; a variable named SQR would give less."""
+    problem, certificate = tmp_path / "problem.txt", tmp_path / "certificate.json"
+    problem.write_text(text, encoding="utf-8")
+    given = sp.parse(text)
+    assert of_text(text).names == list(given.names) == ["x", "y"]
+    sp.write_json(sp.solve(given).certificate, certificate)
+    assert command.main([str(problem), str(certificate)]) == 0
+
+
+@pytest.mark.parametrize("bound", ["Inf", "-infinity", "NaN"])
+def test_infinite_numbers_are_no_variables(bound):
+    with pytest.raises(Malformed, match="an infinite number"):
+        of_text(f"min x; s.t. x >= {bound}")
+
+
+def test_names_that_stand_twice_are_malformed(good, tmp_path, capsys):
+    path = tmp_path / "result.json"
+    text = json.dumps(good)
+    path.write_text(text.replace('"ray"', '"ray": null, "ray"', 1), encoding="utf-8")
+    assert (main(["verify", str(path)]), command.main([str(path)])) == (2, 2)
+    assert "found the name 'ray' twice in one object" in capsys.readouterr().err
+    with pytest.raises(sp.ProblemError, match="found NaN, expected a number"):
+        sp.from_json(text.replace('"ray": null', '"ray": NaN', 1))
