@@ -286,13 +286,12 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
 
 def layers(products: NDArray[np.integer], single: int) -> list[range]:
     """Split products into runs whose factors all come before the run."""
-    runs, start = [], 0
-    while start < products.shape[0]:
-        later = np.flatnonzero(products[start:].max(axis=1) >= single + start)
-        stop = start + int(later[0]) if later.size else products.shape[0]
-        runs.append(range(start, stop))
-        start = stop
-    return runs
+    runs, start = list[range](), 0
+    for place, last in enumerate(products.max(axis=1, initial=0).tolist()):
+        if last >= single + start and place > start:
+            runs.append(range(start, place))
+            start = place
+    return [*runs, range(start, len(products))] if len(products) else runs
 
 
 def are_products(products: NDArray[np.integer], single: int) -> bool:

@@ -148,3 +148,15 @@ def test_products_of_random_problems_are_nonnegative_where_the_problem_is_feasib
     assert feasible
     for point in feasible:
         assert np.all(values(system, point)[system.size - len(pairs) :] >= 0)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.integers(0, 30))
+def test_layers_are_the_longest_runs_whose_factors_come_before_them(seed, single, count):
+    rng = np.random.default_rng(seed)
+    products = np.array([rng.integers(0, single + k, 2) for k in range(count)]).reshape(-1, 2)
+    found = generators.layers(products, single)
+    assert [k for run in found for k in run] == list(range(count))
+    for run in found:
+        assert len(run) and products[run].max() < single + run.start
+        if run.stop < count:
+            assert products[run.stop].max() >= single + run.start
