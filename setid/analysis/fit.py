@@ -19,7 +19,7 @@ from setid.data.checks import FrozenMapping, frozen
 from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
-from setid.feasible_points.best import predicted
+from setid.feasible_points.best import per_cent, predicted
 from setid.feasible_points.output_error import (
     least_error_at,
     least_largest_error,
@@ -185,7 +185,7 @@ class Fit:
         pairs = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
         low, high = rounded(self.lower_bound, False, 6), rounded(self.error, True, 6)
         word = "attained" if self.attained else "not proved to be attained"
-        fits = ", ".join(f"{value:.1f} %" for value in self.fit)
+        fits = per_cent(self.fit)
         return "\n".join(
             [
                 pairs,

@@ -22,6 +22,7 @@ from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.partition import Ranges
 from setid.proofs.time_bands.rows import OutputRow, output_row
+from setid.simulation.responses import known_from
 
 __all__ = ["Accuracy", "Band", "band_of", "record_bands", "rows_of"]
 
@@ -129,8 +130,10 @@ def record_bands(
             part, begun = slice(begin, end), slice(begin, min(begin + first, end))
             readings = record.y[begun, i]
             if np.any(np.isnan(readings)):
+                row = begin + known_from(record.y[part], first) - first
                 raise SetidError(
-                    "data: found missing outputs at the beginning, expected a start value"
+                    f"data: found missing outputs at row {begin}, where a proved band starts, "
+                    f"expected readings; give the rows from {row} on as a record of their own"
                 )
             start, errors = bounds[0][begun, i], bounds[2][part, i]
             tasks.append(Experiment(row, record.u[part], readings, start, bounds[1][part], errors))

@@ -20,7 +20,7 @@ from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError
-from setid.feasible_points.best import best, fit, predicted, simulated, started
+from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -165,8 +165,8 @@ class Comparison:
     def summary(self) -> str:
         """A few lines for people."""
         band, finite = self.band, np.isfinite(self.band.high - self.band.low)
-        lines = [f"fit of the nominal model ({band.mode})  {_per_cent(self.fit)}"]
-        lines += [f"fit of {name}  {_per_cent(values)}" for name, values in self.fits.items()]
+        lines = [f"fit of the nominal model ({band.mode})  {per_cent(self.fit)}"]
+        lines += [f"fit of {name}  {per_cent(values)}" for name, values in self.fits.items()]
         if np.any(finite):
             width = float(np.mean((band.high - band.low)[finite]))
             lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
@@ -201,7 +201,7 @@ class Comparison:
         ]
 
     def __repr__(self) -> str:
-        text = f"{self.band.mode}, fit {_per_cent(self.fit)}, {len(self.band.outside)} readings"
+        text = f"{self.band.mode}, fit {per_cent(self.fit)}, {len(self.band.outside)} readings"
         return f"<Comparison: {text} outside the {self.band._says}>"
 
     def plot(self, ax: Any = None) -> NDArray[Any]:
@@ -413,10 +413,6 @@ _ONE_STEP = (
     "meant for prediction; for simulation take result.best('simulation'), or bounds of the "
     "sensors (output=, input=)"
 )
-
-
-def _per_cent(values: Reals) -> str:
-    return ", ".join(f"{value:.1f} %" for value in values)
 
 
 def _candidates(result: FeasibleSet, mode: Mode) -> dict[str, Reals]:

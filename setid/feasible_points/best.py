@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -25,7 +26,7 @@ from setid.feasible_points.witness import consistent
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.regression import regression_of_data
 from setid.models.equations import Structure
-from setid.simulation.responses import run
+from setid.simulation.responses import known_from, run
 
 __all__ = ["BestMember", "Goal", "best", "fit", "predicted", "simulated", "started"]
 
@@ -83,7 +84,7 @@ class BestMember:
     def __str__(self) -> str:
         pairs = zip(self.names, self.theta.tolist(), strict=True)
         shown = ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
-        return f"{shown} (fit in {self.goal} {', '.join(f'{v:.1f} %' for v in self.fit)})"
+        return f"{shown} (fit in {self.goal} {per_cent(self.fit)})"
 
 
 def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
@@ -171,6 +172,24 @@ def fit(measured: Reals, modelled: Reals) -> Reals:
     return found
 
 
+def per_cent(fits: Reals) -> str:
+    """Fits for people; where readings never change there is nothing to fit.
+
+    Parameters
+    ----------
+    fits : (ny,) float
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from setid.feasible_points.best import per_cent
+    >>> per_cent(np.array([92.24, -np.inf]))
+    '92.2 %, none (constant readings, or outputs that overflow)'
+    """
+    nothing = "none (constant readings, or outputs that overflow)"
+    return ", ".join(f"{value:.1f} %" if value > -np.inf else nothing for value in fits)
+
+
 def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
     """Samples (N,) from which a simulation starts, which do not count for the fit.
 
@@ -181,7 +200,11 @@ def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
     """
     if model.initial != "free" or not model.regression():
         return np.zeros(data.samples, bool)
-    return np.arange(data.samples) - data.first < max(e.lag for e in model.regression())
+    first = max(e.lag for e in model.regression())
+    found = np.zeros(data.samples, bool)
+    for begin, end in pairwise([*data.starts.tolist(), data.samples]):
+        found[begin : begin + known_from(data.y[begin:end], first)] = True
+    return found
 
 
 def simulated(model: Structure, theta: Reals, data: IOData) -> Reals:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.feasible_points.best import per_cent
 from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
         axis.plot(time, found.outputs[:, i], color=COLOUR["sampled"], lw=1, label="model")
         axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
         axis.set_ylabel(data.output_labels[i])
-        axis.set_title(f"fit {found.fit[i]:.1f} %")
+        axis.set_title(f"fit {per_cent(found.fit[i : i + 1])}")
     axes[0].legend(loc="best", ncols=2, fontsize="small")
     return axes
 
@@ -100,5 +101,5 @@ def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:
     """
     axes = plot_output_band(comparison.band, ax)
     for axis, value in zip(axes, comparison.fit, strict=True):
-        axis.set_title(f"{comparison.band.mode}: fit {value:.1f} %")
+        axis.set_title(f"{comparison.band.mode}: fit {per_cent(np.array([value]))}")
     return axes

@@ -21,7 +21,7 @@ from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
 from setid.data.record import IOData
 from setid.errors import SetidError
-from setid.feasible_points.best import best
+from setid.feasible_points.best import best, per_cent
 from setid.html import table
 from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
@@ -205,7 +205,7 @@ def _estimates(result: Identification) -> list[Part]:
         except SetidError as error:
             notes.append(Part("note", f"best in {goal}: {error}"))
             continue
-        fits = ", ".join(f"{value:.1f} %" for value in member.fit)
+        fits = per_cent(member.fit)
         rows.append((f"best in {goal}", *(f"{v:.6g}" for v in member.theta), fits))
     return [Part("html", table(["estimate", *names, "fit"], rows)), *notes]
 

@@ -14,7 +14,14 @@ from setid.errors import ModelError, SetidError
 from setid.models.equations import Structure, Transfer
 from setid.simulation.simulate import leading, simulate, weight
 
-__all__ = ["frequency_response", "frequency_weights", "grid", "run", "transfer_of"]
+__all__ = [
+    "frequency_response",
+    "frequency_weights",
+    "grid",
+    "known_from",
+    "run",
+    "transfer_of",
+]
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -136,8 +143,8 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     theta : (p,) array_like
     data : IOData
         Inputs must be complete. Where the model's ``initial`` is ``"free"`` and it has a
-        regression form, the first outputs of each record are those that were read;
-        otherwise everything is at rest before the record.
+        regression form, the first outputs of each record are those that were read, up to
+        the first complete ones; otherwise everything is at rest before the record.
     from_rest : bool, optional
         Overrides that.
 
@@ -148,7 +155,7 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     Raises
     ------
     SetidError
-        If an input, or an output to start from, is missing.
+        If an input is missing, or all outputs to start from are.
     """
     if np.any(np.isnan(data.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
@@ -164,15 +171,46 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     return np.concatenate(parts)
 
 
+def known_from(y: Reals, first: int) -> int:
+    """Count the samples (N, ny) of a record up to the end of the first complete readings.
+
+    Parameters
+    ----------
+    y : (N, ny) float
+        NaN where a reading is missing.
+    first : int
+        Number of readings in a row, from which a simulation starts.
+
+    Raises
+    ------
+    SetidError
+        If there are none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> known_from(np.array([[np.nan], [1.0], [2.0], [3.0]]), 2)
+    3
+    """
+    known, count = np.all(~np.isnan(y), axis=1).tolist(), 0
+    for k in range(len(y)):
+        if count == first:
+            return k
+        count = count + 1 if known[k] else 0
+    if count < min(first, len(y)):
+        raise SetidError(
+            f"data: found missing outputs in each {first} samples in a row, expected {first} "
+            "complete ones, from which a simulation starts; take predictions"
+        )
+    return len(y)
+
+
 def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
-    """From the first readings on, sample by sample."""
+    """From the first complete readings on, sample by sample."""
     equations = model.regression()
     if not equations:
         raise ModelError("model: separate denominators can be simulated from rest only")
-    first = max(e.lag for e in equations)
-    result = y.copy()
-    if np.any(np.isnan(y[:first])):
-        raise SetidError("data: found missing outputs at the beginning, expected a start value")
+    result, first = y.copy(), known_from(y, max(e.lag for e in equations))
     place = dict(zip(model.parameters, theta.tolist(), strict=True))
     signals: Mapping[str, Any] = {
         **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},

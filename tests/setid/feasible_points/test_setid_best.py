@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear, minimize
@@ -23,6 +24,38 @@ def biased(bound: float = 0.2) -> setid.Identification:
     data = setid.IOData(u, y)
     least = setid.linf(data, MODEL).cost
     return setid.identify(data, MODEL, setid.Noise(equation=least * (1 + bound)))
+
+
+def test_simulations_start_at_the_first_complete_readings() -> None:
+    u = np.sign(np.sin(0.7 * np.arange(30) ** 1.1))
+    y = setid.simulate(MODEL, [-0.9, 1.0], u)[:, 0]
+    y[0] = np.nan
+    noise = setid.Noise(equation=0.1)
+    result = setid.identify(setid.IOData(u, y), MODEL, noise)
+    later = setid.identify(setid.IOData(u[1:], y[1:]), MODEL, noise)  # the same equations
+    assert best(result).error == pytest.approx(best(later).error, rel=1e-3)
+    assert best(result).fit[0] > 90.0
+    found, of_later = run(MODEL, [-0.9, 1.0], result.formulation.data), y[1:]
+    assert np.isnan(found[0, 0]) and found[1:, 0] == pytest.approx(of_later)
+    assert setid.compare(result).fits["best member"][0] > 90.0
+    with pytest.raises(setid.SetidError, match="missing outputs at row 0.*the rows from 1 on"):
+        setid.simulate_band(result, kind="proved")
+    y[::2] = np.nan
+    second = setid.TransferFunction(na=2, nb=1, nk=1)
+    with pytest.raises(setid.SetidError, match="in each 2 samples in a row.*take predictions"):
+        run(second, [-0.9, 0.0, 1.0], setid.IOData(u, y))
+
+
+def test_constant_readings_have_no_fit() -> None:
+    u = np.sign(np.sin(0.7 * np.arange(30) ** 1.1))
+    result = setid.identify(setid.IOData(u, np.ones(30)), MODEL, setid.Noise(equation=0.1))
+    found = setid.compare(result)
+    for text in (found.summary(), repr(found), str(best(result))):
+        assert "-inf" not in text and "none (constant readings" in text
+    assert setid.fit(result.formulation.data, MODEL).summary().count("none (constant") == 1
+    titles = [axis.get_title() for axis in found.plot()]
+    plt.close("all")
+    assert titles == ["simulation: fit none (constant readings, or outputs that overflow)"]
 
 
 def test_best_prediction_is_least_squares_over_the_polytope() -> None:
