@@ -175,3 +175,24 @@ def test_linear_problems_keep_the_rows_of_priors() -> None:
     assert len(other.constraints) == len(problem.constraints) + 1
     x = np.array([1.0, 1.5, 1e3])  # much noise, and a sum of 2.5
     assert problem.violation(x) == 0.0 and other.violation(x) == 0.5
+
+
+def test_what_is_not_scaled_of_a_noise_bound_stays() -> None:
+    """Of a bound of 1/2 a quarter is scaled: noise of 1/4 + s / 4 on both sides."""
+    data = setid.IOData([1.0, 2.0, 1.0], [0.0, 1.0, 2.0])
+    known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
+    problem = problem_with_factor(known, None, 0.25)
+    place = int(known.layout.group("eta")[1, 0])
+    sides = [
+        row.polynomial
+        for row in problem.constraints
+        if set(row.polynomial.support.tolist()) == {place, problem.dimension - 1}
+    ]
+    assert len(sides) == 2
+    for s, noise in ((0.0, 0.25), (1.0, 0.5)):
+        for sign in (-1.0, 1.0):
+            x = np.zeros(problem.dimension)
+            x[place], x[-1] = sign * noise, s
+            assert min(side(x) for side in sides) >= 0.0
+            x[place] = sign * (noise + 1e-9)
+            assert min(side(x) for side in sides) < 0.0
