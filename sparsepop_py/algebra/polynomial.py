@@ -542,7 +542,8 @@ class Polynomial:
                 f"x: found shape {points.shape}, expected ({self.dimension},) "
                 f"or (N, {self.dimension})"
             )
-        values = monomials.evaluate(self.words, points) @ self.coefficients
+        with np.errstate(over="ignore", invalid="ignore"):  # inf or NaN where doubles end
+            values = monomials.evaluate(self.words, points) @ self.coefficients
         return float(values) if points.ndim == 1 else values
 
     # ---- arithmetic ---------------------------------------------------------------------
