@@ -121,7 +121,7 @@ def read(path: PathLike) -> Problem | RationalProblem:
 def read_stream(
     data: bytes, ending: str | None = None, name: str = "<stdin>"
 ) -> Problem | RationalProblem:
-    """Read a problem from the bytes of a file, whatever its name says of its format.
+    """Read a problem from the bytes of a file, not by its name.
 
     Parameters
     ----------
