@@ -369,7 +369,7 @@ def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
     if arguments.file == "-":
         return read_stream(sys.stdin.buffer.read(), arguments.format)
     if arguments.format is not None:
-        return read_stream(read_bytes(arguments.file), arguments.format)
+        return read_stream(read_bytes(arguments.file), arguments.format, arguments.file)
     return read(arguments.file)
 
 

@@ -7,8 +7,13 @@ Mathematical outcomes (infeasible, unbounded, nothing proved) are statuses of a
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "ClaimError",
     "DenominatorError",
     "FormatError",
     "OutputError",
@@ -16,7 +21,11 @@ __all__ = [
     "ProblemError",
     "SolverNotFound",
     "SparsePOPError",
+    "check_kind",
     "check_writable",
+    "doubles",
+    "entries_of",
+    "shown",
 ]
 
 
@@ -81,3 +90,59 @@ def check_writable(path: str, field: str) -> None:
     target = Path(path)
     if target.is_dir() or not target.parent.is_dir():
         raise ProblemError(f"{field}: found {path!r}, expected a file in a directory that exists")
+
+
+def check_kind(given: Any, kinds: type | tuple[type, ...], field: str) -> None:
+    """Check that an argument is an instance of a class.
+
+    Raises
+    ------
+    ProblemError
+        If it is not; the message names the field, what was found and the classes.
+    """
+    if not isinstance(given, kinds):
+        names = " or ".join(kind.__name__ for kind in np.atleast_1d(np.array(kinds, object)))
+        raise ProblemError(f"{field}: found {type(given).__name__}, expected a {names}")
+
+
+def shown(given: Any) -> str:
+    """Return the beginning of what Python prints of a value, for messages."""
+    try:
+        return f"{given!r:.60}"
+    except ValueError:  # an integer beyond Python's limit of digits
+        return "an integer of thousands of digits"
+
+
+def entries_of(given: Any, field: str, expected: str) -> list[Any]:
+    """Return the entries of a list or of another iterable that is no text.
+
+    Raises
+    ------
+    ProblemError
+        If it has none; ``expected`` goes into the message.
+    """
+    try:
+        entries = None if isinstance(given, (str, bytes)) else iter(given)
+    except TypeError:  # an array without axes has no entries either
+        entries = None
+    if entries is None:
+        raise ProblemError(f"{field}: found {type(given).__name__}, expected {expected}")
+    return list(entries)
+
+
+def doubles(given: ArrayLike, field: str) -> NDArray[np.float64]:
+    """Return numbers as an array of doubles.
+
+    Raises
+    ------
+    ProblemError
+        If they are no numbers, or larger than all doubles.
+    """
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{field}: found {shown(given)}, expected numbers") from None
+    except OverflowError:
+        raise ProblemError(
+            f"{field}: found a number beyond all doubles, expected smaller ones, inf or -inf"
+        ) from None

@@ -93,6 +93,8 @@ def read(path: PathLike) -> Problem | RationalProblem:
     ------
     FormatError
         If the ending is unknown, the file cannot be read or holds no problem.
+    ProblemError
+        If the problem in it is malformed.
     SolverNotFound
         If the package that reads the format is not installed.
 
@@ -103,7 +105,12 @@ def read(path: PathLike) -> Problem | RationalProblem:
     >>> sp.read("square.txt").dimension
     1
     """
-    found = _format(path).read(path)
+    reader = _format(path).read
+    try:
+        found = reader(path)
+    except ProblemError as error:
+        named = str(error).startswith(f"{path}:")
+        raise type(error)(str(error) if named else f"{path}: {error}") from error
     kinds = (Problem, RationalProblem)
     problem = found if isinstance(found, kinds) else getattr(found, "problem", None)
     if not isinstance(problem, kinds):
@@ -111,8 +118,10 @@ def read(path: PathLike) -> Problem | RationalProblem:
     return problem
 
 
-def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalProblem:
-    """Read a problem from the bytes of a file whose name is not known.
+def read_stream(
+    data: bytes, ending: str | None = None, name: str = "<stdin>"
+) -> Problem | RationalProblem:
+    """Read a problem from the bytes of a file, not by its name.
 
     Parameters
     ----------
@@ -120,6 +129,8 @@ def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalPro
     ending : str, optional
         Such as ``.gms``; found from the content when left out: ``.json``, ``.mat``, ``.gms`` or
         ``.txt``.
+    name : str
+        What messages say in place of the path.
 
     Returns
     -------
@@ -127,8 +138,8 @@ def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalPro
 
     Raises
     ------
-    FormatError
-        As :func:`read`; messages say ``<stdin>`` in place of the path.
+    FormatError, ProblemError
+        As :func:`read`.
 
     Examples
     --------
@@ -141,8 +152,8 @@ def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalPro
         path.write_bytes(data)
         try:
             return read(path)
-        except FormatError as error:
-            raise FormatError(str(error).replace(str(path), "<stdin>")) from None
+        except (FormatError, ProblemError) as error:
+            raise type(error)(str(error).replace(str(path), name)) from None
 
 
 def _guessed(data: bytes) -> str:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numbers
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, entries_of, shown
 
 if TYPE_CHECKING:
     from sparsepop_py.relaxation.sparsepop.relaxation import Switches
@@ -231,7 +231,9 @@ class Options:
         return self
 
     def _wrong(self, name: str, expected: str) -> ProblemError:
-        return ProblemError(f"Options.{name}: found {getattr(self, name)!r}, expected {expected}")
+        return ProblemError(
+            f"Options.{name}: found {shown(getattr(self, name))}, expected {expected}"
+        )
 
     def _check_switches(self) -> None:
         # Loaded where it is used: reading stored results must not load relaxations.
@@ -249,17 +251,16 @@ class Options:
             require_solver(self.solver)
 
     def _check_skip(self) -> None:
-        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
-        names = tuple(self.skip) if named else ()
-        object.__setattr__(self, "skip", _renamed(names) if named else self.skip)
-        if not named or any(not isinstance(n, str) or n not in SKIPPED for n in self.skip):
-            raise self._wrong("skip", "some of " + ", ".join(SKIPPED))
+        expected = "some of " + ", ".join(SKIPPED)
+        names = tuple(entries_of(self.skip, "Options.skip", expected))
+        object.__setattr__(self, "skip", _renamed(names))
+        if any(not isinstance(n, str) or n not in SKIPPED for n in self.skip):
+            raise self._wrong("skip", expected)
 
     def _check_kinds(self) -> None:
         if self.branch_on is not None:
-            several = isinstance(self.branch_on, Iterable) and not isinstance(self.branch_on, str)
-            chosen = tuple(self.branch_on) if several else ()
-            if not several or not all(_is_integer(v, 0) for v in chosen):
+            chosen = entries_of(self.branch_on, "Options.branch_on", "variable numbers from 0")
+            if not all(_is_integer(v, 0) for v in chosen):
                 raise self._wrong("branch_on", "variable numbers from 0")
             object.__setattr__(self, "branch_on", tuple(int(v) for v in chosen))
         if self.executor is not None and not isinstance(self.executor, Executor):

@@ -27,7 +27,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
-from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.errors import ProblemError, SparsePOPError, check_kind, entries_of
 from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import (
@@ -139,7 +139,8 @@ def solve(
     >>> result.status, abs(result.lower_bound - 0.25) < 1e-6
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
-    options = _with_executor(options or Options(), executor)
+    options = _with_executor(options, executor)
+    _check_callable("on_progress", on_progress)
     if isinstance(problem, RationalProblem):
         return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
@@ -226,12 +227,17 @@ def solve_each(
     >>> low.relaxation is high.relaxation
     True
     """
-    options = _with_executor(options or Options(), executor)
+    options = _with_executor(options, executor)
     if branch_on is not None:
-        options = replace(options, branch_on=tuple(branch_on))
+        options = replace(options, branch_on=branch_on)
     if isinstance(objectives, Polynomial):
         raise ProblemError("objectives: found one polynomial, expected a list of polynomials")
-    objectives = list(objectives)
+    objectives = entries_of(objectives, "objectives", "a list of polynomials")
+    points = entries_of(points, "points", "a list of ProvedPoint")
+    for number, point in enumerate(points):
+        check_kind(point, ProvedPoint, f"points[{number}]")
+    _check_callable("repair", repair)
+    _check_callable("on_progress", on_progress)
     _check(problem, objectives, options)
     if not objectives:
         return []
@@ -290,7 +296,8 @@ def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
     return replace(solve(problem, options, start=start), relaxation=None, solution=None)
 
 
-def _with_executor(options: Options, executor: Executor | None) -> Options:
+def _with_executor(options: Options | None, executor: Executor | None) -> Options:
+    options = Options() if options is None else options
     if not isinstance(options, Options):
         raise ProblemError(f"options: found {type(options).__name__}, expected sp.Options")
     return options if executor is None else replace(options, executor=executor)
@@ -385,6 +392,11 @@ def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> 
                     f"Options.gap_kind: found 'width', but objectives[{number}] has no "
                     "negative among the other objectives"
                 )
+
+
+def _check_callable(field: str, given: object) -> None:
+    if given is not None and not callable(given):
+        raise ProblemError(f"{field}: found {type(given).__name__}, expected a function")
 
 
 def _check_problem(problem: Problem, options: Options) -> None:

@@ -485,3 +485,23 @@ def test_a_solver_that_cannot_be_stopped_is_not_begun_without_time(monkeypatch):
     assert result.status is Status.LIMIT
     assert any(solvers.NOT_BEGUN in note for note in result.notes)
     assert result.lower_bound >= -32.0  # 16 products of |x| <= 1 and 4 * 4 squares
+
+
+@pytest.mark.parametrize("size", [1e100, 1e155, 1e200])
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_huge_boxes_give_no_warnings(size, effort):
+    """Warnings are errors here: values beyond all doubles prove nothing, and that is all.
+
+    x = y = 0 is feasible in the last problem and has the value 0.
+    """
+    x, y = sp.variables(2)
+    rows = [-0.5 - x * y**2 >= 0, 10.5 - 2 * y - 2 * x**2 + 5 * y**3 >= 0]
+    for problem in (
+        sp.Problem(x**3 + 8 * x**2 * y, rows, -size, size),
+        sp.Problem(x * y + x, [x * y >= 1], -size, size),
+        sp.Problem(x**4 - 3 * x * y, [x**2 + y**2 <= 4], -size, size),
+    ):
+        result = sp.solve(problem, sp.Options(effort=effort, work_limit=0.3))
+        assert result.certificate is None or result.certificate.verify(problem).ok
+    assert result.lower_bound <= 0.0
+    assert np.isnan((x**2 - y**2)([1e200, 1e200]))

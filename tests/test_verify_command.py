@@ -60,3 +60,53 @@ def test_other_claims_have_their_words(tmp_path: Path, capsys: pytest.CaptureFix
         sp.write_json(sp.solve(problem), tmp_path / "r.json")
         assert main(["verify", str(tmp_path / "r.json")]) == 0
         assert words in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words", "message"),
+    [
+        ("f.lp", "garbage here", "solve", "f.lp: expected a section keyword, found `garbage`"),
+        ("f.lp", "", "solve", "f.lp: found no variables, expected a problem in this format"),
+        ("f.txt", "min x", "verify", "f.txt: JSON: Expecting value"),
+        ("f.json", "{}", "solve", "f.json: JSON.format: found nothing"),
+        ("f.txt", "min x", "solve --format .gms", "f.txt:1: statement 'min x'"),
+        ("f.txt", "{}", "solve --format .json", "f.txt: JSON.format: found nothing"),
+    ],
+)
+def test_messages_name_the_file_and_its_fault(
+    name: str,
+    text: str,
+    words: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text(text)
+    assert main([*words.split(), name]) == 2
+    assert capsys.readouterr().err.startswith(f"sparsepop: {message}")
+
+
+def test_files_of_scip_without_variables_are_named(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    (tmp_path / "f.pip").write_text("garbage here")
+    with pytest.raises(sp.FormatError, match=r"f.pip: found no variables"):
+        sp.read(tmp_path / "f.pip")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"version":5', '"version":5.0', "version: found 5.0, expected one of the integers 2, 3"),
+        ('"dimension":2', '"dimension":9223372036854775808', "expected an integer of 64 bits"),
+        ('"dimension":2', '"dimension":-9223372036854775809', "expected an integer of 64 bits"),
+    ],
+)
+def test_numbers_of_another_kind_are_told_apart(
+    result: sp.Result, old: str, new: str, message: str
+) -> None:
+    text = sp.to_json(result)
+    assert old in text
+    with pytest.raises(sp.ProblemError, match=message):
+        sp.from_json(text.replace(old, new, 1))

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, doubles
 
 __all__ = ["Matrices", "SymbolicCone", "cone", "psd", "second_order"]
 
@@ -156,14 +156,18 @@ def _made(kind: Kind, entries: list[Any], where: str, name: str) -> Constraint |
     if known is None:
         raise ProblemError(f"{where}: found numbers alone, expected at least one Polynomial")
     nothing = known * 0.0
-    filled = [p if isinstance(p, Polynomial) else total([nothing, float(p)]) for p in entries]
+
+    def number(entry: Any) -> float:
+        return float(doubles(entry, where))
+
+    filled = [p if isinstance(p, Polynomial) else total([nothing, number(p)]) for p in entries]
     for p in filled:
         total([nothing, p])  # says so where the numbers of variables differ
     return cone(kind, filled, name)
 
 
 def _is_sequence(item: Any) -> bool:
-    return isinstance(item, (list, tuple, np.ndarray))
+    return isinstance(item, (list, tuple)) or (isinstance(item, np.ndarray) and item.ndim > 0)
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra import exact_terms, monomials
 from sparsepop_py.algebra.exact_terms import ExactTerms, Grid
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, doubles, entries_of, shown
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 
@@ -536,13 +536,14 @@ class Polynomial:
 
     def __call__(self, x: ArrayLike) -> Any:
         """Evaluate at ``x``: (n,) gives a float, (N, n) an array (N,)."""
-        points = np.asarray(x, float)
+        points = doubles(x, "x")
         if points.ndim not in (1, 2) or points.shape[-1] != self.dimension:
             raise ProblemError(
                 f"x: found shape {points.shape}, expected ({self.dimension},) "
                 f"or (N, {self.dimension})"
             )
-        values = monomials.evaluate(self.words, points) @ self.coefficients
+        with np.errstate(over="ignore", invalid="ignore"):  # inf or NaN where doubles end
+            values = monomials.evaluate(self.words, points) @ self.coefficients
         return float(values) if points.ndim == 1 else values
 
     # ---- arithmetic ---------------------------------------------------------------------
@@ -640,8 +641,12 @@ class Polynomial:
         return ratio(numerator, denominator)
 
     def __pow__(self, power: Any) -> Polynomial:
-        if not isinstance(power, numbers.Real) or power < 0 or float(power) % 1 != 0:
-            raise ProblemError(f"exponent: found {power!r}, expected a non-negative integer")
+        try:
+            whole = isinstance(power, numbers.Real) and not power < 0 and float(power) % 1 == 0
+        except OverflowError:
+            whole = False
+        if not whole:
+            raise ProblemError(f"exponent: found {shown(power)}, expected a non-negative integer")
         result, base, left = self._constant(1.0), self, int(float(power))
         while left:
             if left & 1:
@@ -854,10 +859,11 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
     >>> print(a * b >= 1)
     -1 + a*b >= 0
     """
-    if not isinstance(n, numbers.Integral) or n < 1:
-        raise ProblemError(f"n: found {n!r}, expected a positive integer")
-    labels = tuple(str(name) for name in names) if names is not None else None
-    if labels is not None:
+    if not isinstance(n, numbers.Integral) or not 1 <= n < 2**31:
+        raise ProblemError(f"n: found {shown(n)}, expected a positive integer below 2^31")
+    labels = None
+    if names is not None:
+        labels = tuple(str(name) for name in entries_of(names, "names", f"{n} of them"))
         _check_names(labels, int(n))
     one = np.ones(1)
     return tuple(
@@ -890,7 +896,7 @@ def total(terms: Iterable[Polynomial | float]) -> Polynomial:
     >>> print(sp.total(v**2 for v in x))
     x1^2 + x2^2 + x3^2
     """
-    items = list(terms)
+    items = entries_of(terms, "total", "polynomials and numbers")
     first = next((item for item in items if isinstance(item, Polynomial)), None)
     if first is None:
         raise ProblemError("total: found no polynomial among the terms, expected at least one")

@@ -108,7 +108,8 @@ class PolynomialSystem:
     def gradient(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Gradient of the only row at ``x``, shape (n,)."""
         _, variable, coefficient, words = self._gradient
-        values = coefficient * monomials.evaluate(words, x)
+        with np.errstate(over="ignore", invalid="ignore"):  # inf or NaN where doubles end
+            values = coefficient * monomials.evaluate(words, x)
         return np.bincount(variable, weights=values, minlength=self.dimension).astype(float)
 
     @cached_property

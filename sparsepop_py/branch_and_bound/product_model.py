@@ -389,7 +389,8 @@ class ProductModel:
         row, column, left, right, value = self._parts
         varies, place, rows, _ = self._places
         known = np.concatenate([np.ones(1), scaling.centre, scaling.scale])
-        part = value * known[left] * known[right]
+        with np.errstate(over="ignore", invalid="ignore"):  # such a program has no solution
+            part = value * known[left] * known[right]
         values: Floats = np.bincount(place, part[varies], minlength=rows.size).astype(float)
         fixed = np.flatnonzero(column < 0)
         constant = self.constant + np.bincount(
@@ -399,8 +400,9 @@ class ProductModel:
         np.maximum.at(sizes, row, _LEAST_SIZE * np.abs(part))  # below it is rounding
         np.maximum.at(sizes, rows, np.abs(values))
         sizes = np.where(sizes > 0, sizes, 1.0)
-        values /= sizes[rows]
-        constant = constant / sizes
+        with np.errstate(invalid="ignore"):
+            values /= sizes[rows]
+            constant = constant / sizes
         envelopes = self._envelopes
         cuts = [cut.row(scaling) for cut in self.cuts]
         last = [np.array([right for _, right in cuts])]

@@ -44,7 +44,7 @@ def wrong(name: str, found: Any, expected: str) -> NoReturn:
 
 def check_one_of(name: str, value: Any, legal: tuple[Any, ...]) -> Any:
     """Check that a switch has one of its legal values."""
-    if isinstance(value, (list, str)) or value not in legal:
+    if isinstance(value, (list, str, complex)) or value not in legal:
         wrong(name, value, "one of " + ", ".join(map(str, legal)))
     return value
 
@@ -67,9 +67,12 @@ def check_level(value: Any) -> tuple[int, int]:
 
 
 def _number(name: str, value: Any, expected: str) -> float:
-    if not isinstance(value, numbers.Real) or not math.isfinite(value):
-        wrong(name, value, expected)
-    return float(value)
+    try:
+        if isinstance(value, numbers.Real) and math.isfinite(value):
+            return float(value)
+    except OverflowError:
+        pass
+    wrong(name, value, expected)
 
 
 def _small(name: str, value: Any) -> float:
@@ -109,9 +112,9 @@ def _count(name: str, value: Any) -> int:
 def _log(name: str, value: Any) -> Any:
     if isinstance(value, str) and value:
         return value
-    if isinstance(value, (str, list)) or value not in (0, 1):
+    if not isinstance(value, numbers.Real) or value not in (0, 1):
         wrong(name, value, "0, 1 or the name of a file")
-    return int(value)
+    return int(float(value))
 
 
 def _file(name: str, value: Any) -> str:
@@ -403,12 +406,19 @@ def stated_fields(param: Any) -> list[str]:
 # ---- containers -------------------------------------------------------------------------
 
 
+def _is_empty(param: Any) -> bool:
+    """Check for MATLAB's [], also in brackets of its own."""
+    try:
+        return isinstance(param, (list, tuple, np.ndarray)) and np.size(param) == 0
+    except ValueError:  # rows of several lengths
+        return False
+
+
 def _items(param: Any) -> dict[str, Any]:
     """List the fields of a struct of any kind."""
     while isinstance(param, np.ndarray) and param.size == 1:
         param = param.ravel()[0]
-    empty = isinstance(param, (list, tuple, np.ndarray)) and np.size(param) == 0
-    if param is None or empty:
+    if param is None or _is_empty(param):
         return {}
     if isinstance(param, np.void) and param.dtype.names is not None:
         return {name: param[name] for name in param.dtype.names}

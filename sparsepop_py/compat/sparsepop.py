@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
-from sparsepop_py.algebra.polynomial import Constraint, Kind
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
 from sparsepop_py.budget import Deadline
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
@@ -72,7 +72,8 @@ def read_input(
     ProblemError
         If the arguments do not fit.
     """
-    named = isinstance(first, (str, os.PathLike, Problem)) or callable(first)
+    is_function = callable(first) and not isinstance(first, Polynomial)
+    named = isinstance(first, (str, os.PathLike, Problem)) or is_function
     if not named:
         absent = [name for name, given in (("lbd", lbd), ("ubd", ubd)) if given is None]
         if absent:

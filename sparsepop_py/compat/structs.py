@@ -22,7 +22,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["from_structs", "to_structs"]
@@ -117,6 +117,7 @@ def to_structs(
     >>> objective["supports"], rows[0]["typeCone"], lbd, ubd
     (array([[1., 1.]]), -1, array([0., 0.]), array([1.e+10, 1.e+10]))
     """
+    check_kind(problem, Problem, "problem")
     rows = [_constraint_struct(row) for row in problem.constraints]
     lower = np.where(problem.lower <= -INFINITE, -INFINITE, problem.lower)
     upper = np.where(problem.upper >= INFINITE, INFINITE, problem.upper)
@@ -227,6 +228,13 @@ def _is_sparse(value: Any) -> bool:
     return sps.issparse(value)
 
 
+def _is_complex(value: Any) -> bool:
+    try:
+        return bool(np.iscomplexobj(value))
+    except ValueError:  # rows of several lengths
+        return False
+
+
 def _array(value: Any, label: str) -> NDArray[np.float64]:
     """Dense copy as doubles."""
     dense = value.toarray() if _is_sparse(value) else value
@@ -236,7 +244,7 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
             raise TypeError
         return array.astype(float)
     except (TypeError, ValueError, OverflowError):
-        found = "complex numbers" if np.iscomplexobj(dense) else _kind(value)
+        found = "complex numbers" if _is_complex(dense) else _kind(value)
         raise ProblemError(f"{label}: found {found}, expected real numbers") from None
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.algebra.rational import AnyConstraint, Rational
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.files import write_text
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -113,6 +113,7 @@ def _lines(problem: Problem | RationalProblem) -> Iterator[str]:
 
 def _check(problem: Problem | RationalProblem) -> None:
     """Raise what says that the format has no rows for matrices."""
+    check_kind(problem, (Problem, RationalProblem), "problem")
     for number, row in enumerate(problem.constraints):
         if row.kind.is_matrix:
             raise ProblemError(

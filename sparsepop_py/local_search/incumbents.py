@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicSolution
 from sparsepop_py.context import SolveContext
+from sparsepop_py.errors import ProblemError, doubles
 from sparsepop_py.local_search.extraction import candidates, means
 from sparsepop_py.local_search.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
@@ -155,11 +156,19 @@ def first_incumbent(
     return (context if found is None else replace(context, best=found)), vectors
 
 
+def _repaired(context: SolveContext, start: NDArray[Any]) -> NDArray[np.float64]:
+    assert context.repair is not None
+    point = doubles(context.repair(start), "repair")
+    if point.shape != start.shape:
+        raise ProblemError(f"repair: found shape {point.shape}, expected {start.shape}")
+    return point
+
+
 def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[NDArray[Any]]:
     """Put the repaired forms of starts before them; those that are feasible replace them."""
     if context.repair is None:
         return starts
-    better = [np.asarray(context.repair(x), float) for x in starts]
+    better = [_repaired(context, x) for x in starts]
     first = [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)]
     tolerance = context.options.tolerance
     left = [

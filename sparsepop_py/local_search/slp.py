@@ -37,6 +37,7 @@ __all__ = ["conflict_prices", "restored", "row_prices", "sequential_search", "vi
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
+_STEEPEST = 1e300  # slopes beyond this are taken for it
 _FLAT = 1e-6  # of the slope near a start: a slope less than that is no measure of the objective
 _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
@@ -182,6 +183,8 @@ class _Search:
     ) -> tuple[float, _Place | None]:
         """Linearise at an iterate; return the predicted reduction and the next iterate."""
         gradient = self.problem.objective_row.gradient(at.x) / self.scale
+        if not np.isfinite(gradient).all():
+            return 0.0, None
         found = self.step(at.x, gradient, penalty, *bounds)
         if found is None:
             return 0.0, None
@@ -272,11 +275,12 @@ def _slope(
 ) -> float:
     """Measure how fast the objective changes at x; where it is flat there, near x."""
     near = np.clip(x + trust * unit, problem.lower, problem.upper)
-    steep = [
-        float(np.abs(problem.objective_row.gradient(at) * unit).max(initial=0.0))
-        for at in (x, near, np.clip(x - trust * unit, problem.lower, problem.upper))
-    ]
-    return max(steep[0], _FLAT * max(steep)) or 1.0
+    places = x, near, np.clip(x - trust * unit, problem.lower, problem.upper)
+    with np.errstate(over="ignore", invalid="ignore"):
+        slopes = [np.abs(problem.objective_row.gradient(at) * unit) for at in places]
+    steep = [float(slope.max(initial=0.0)) for slope in slopes]
+    slope = max(steep[0], _FLAT * max(steep)) or 1.0
+    return slope if np.isfinite(slope) else _STEEPEST  # beyond doubles: only the direction counts
 
 
 def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from sparsepop_py.algebra import sympy_ as symbolic
 from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, doubles, entries_of
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
     Rounding,
@@ -100,17 +100,15 @@ class Problem:
         sense: Sense = "min",
     ) -> None:
         single = isinstance(constraints, (Constraint, SymbolicCone))
-        if not single and not isinstance(constraints, Iterable):
-            raise ProblemError(
-                f"constraints: found {type(constraints).__name__}, expected a list of constraints"
-            )
-        rows = [constraints] if single else list(constraints)
+        rows: list[Any] = [constraints]
+        if not single:
+            rows = entries_of(constraints, "constraints", "a list of constraints")
         objective, rows = symbolic.convert(objective, rows, names)
         objective = _as_objective(objective, rows)
         n = objective.dimension
         for number, row in enumerate(rows):
             _check_constraint(number, row, n)
-        if sense not in ("min", "max"):
+        if not isinstance(sense, str) or sense not in ("min", "max"):
             raise ProblemError(f"sense: found {sense!r}, expected 'min' or 'max'")
         low, high = _bounds("lower", lower, n, -np.inf), _bounds("upper", upper, n, np.inf)
         wrong = np.flatnonzero((low > high) | (low == np.inf) | (high == -np.inf))
@@ -188,7 +186,7 @@ class Problem:
             In the user's units; 0.0 when every constraint and bound holds as evaluated in floating
             point. A matrix is violated by its negative eigenvalues.
         """
-        point = np.asarray(x, float)
+        point = doubles(x, "x")
         if point.shape != (self.dimension,):
             raise ProblemError(f"x: found shape {point.shape}, expected ({self.dimension},)")
         with np.errstate(invalid="ignore", over="ignore"):
@@ -395,14 +393,7 @@ def _check_constraint(number: int, row: Any, n: int) -> None:
 
 
 def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDArray[np.float64]:
-    try:
-        values = np.array(default if given is None else given, float)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{field}: found {given!r}, expected numbers") from None
-    except OverflowError:
-        raise ProblemError(
-            f"{field}: found a number beyond all doubles, expected smaller ones, inf or -inf"
-        ) from None
+    values = doubles(default if given is None else given, field).copy()
     if values.ndim == 0:
         values = np.full(n, float(values))
     if values.shape != (n,):
@@ -418,7 +409,7 @@ def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...
     n = objective.dimension
     if names is None:
         return objective.names or tuple(f"x{v + 1}" for v in range(n))
-    labels = tuple(str(name) for name in names)
+    labels = tuple(str(name) for name in entries_of(names, "names", f"{n} names"))
     if len(labels) != n or len(set(labels)) != n:
         raise ProblemError(f"names: found {len(labels)} names, expected {n} distinct ones")
     return labels
@@ -426,13 +417,21 @@ def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...
 
 def _squares(squares: Iterable[Any] | None, objective: Polynomial) -> tuple[Weighted, ...]:
     pairs = []
-    for item in squares or ():
-        weight, polynomial = item if isinstance(item, tuple) else (1.0, item)
+    given = () if squares is None else squares
+    for item in entries_of(
+        given, "squares", "a list of polynomials, or of weights and polynomials"
+    ):
+        pair = isinstance(item, tuple) and len(item) == 2
+        weight, polynomial = item if pair else (1.0, item)
         if not isinstance(polynomial, Polynomial) or polynomial.dimension != objective.dimension:
-            raise ProblemError("squares: expected polynomials in the objective's variables")
-        if not float(weight) >= 0:
+            found = type(polynomial).__name__
+            raise ProblemError(
+                f"squares: found {found}, expected polynomials in the objective's variables"
+            )
+        factor = doubles(weight, "squares")
+        if factor.ndim or not 0 <= factor < np.inf:
             raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
-        pairs.append((float(weight), polynomial.as_rounded()))
+        pairs.append((float(factor), polynomial.as_rounded()))
     if pairs:
         rest = objective - expanded(pairs, objective.dimension)
         rest = rest - rest.constant_term

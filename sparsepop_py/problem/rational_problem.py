@@ -26,7 +26,7 @@ from sparsepop_py.algebra.monomials import widen
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConstraint, key_of
 from sparsepop_py.algebra.sympy_ import convert_ratios
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, entries_of
 from sparsepop_py.problem.problem import Problem, Sense, encoding
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
@@ -134,9 +134,10 @@ class RationalProblem:
         sense: Sense = "min",
     ) -> None:
         single = isinstance(constraints, (Constraint, RationalConstraint))
-        objective, listed = convert_ratios(
-            objective, [constraints] if single else list(constraints), names
-        )
+        given = [constraints]
+        if not single:
+            given = entries_of(constraints, "constraints", "a list of constraints")
+        objective, listed = convert_ratios(objective, given, names)
         rows = tuple(listed)
         function = _as_rational(objective, rows)
         rows, rounding = _rounded_rows(rows, _changed(OBJECTIVE, function))

@@ -28,6 +28,7 @@ relaxations for polynomial optimization problems with structured sparsity, SIAM 
 
 from __future__ import annotations
 
+import numbers
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -41,7 +42,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind, shown
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
@@ -290,6 +291,10 @@ def relax(
       block sizes    3 x 4, 6 x 2
       moments M = 24, conic rows R = 66 (0 equalities), 90 nonzeros
     """
+    check_kind(problem, Problem, "problem")
+    whole = isinstance(order, numbers.Integral) and not isinstance(order, bool)
+    if order is not None and (not whole or order >= 2**31):
+        raise ProblemError(f"order: found {shown(order)}, expected an integer below 2^31")
     cliques = cliques or find_cliques(problem, objectives=objectives)
     least = objective_order(problem, objectives) if partial else least_order(problem, objectives)
     notes: tuple[str, ...] = ()

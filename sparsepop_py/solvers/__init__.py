@@ -16,7 +16,7 @@ import numpy as np
 
 from sparsepop_py.budget import TOO_LONG, pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
-from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.errors import SolverNotFound, check_kind
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 
@@ -189,6 +189,8 @@ def solve_conic(
 
     Raises
     ------
+    ProblemError
+        If it is no conic program.
     SolverNotFound
         If the name is unknown or the package is missing.
 
@@ -201,6 +203,7 @@ def solve_conic(
     >>> print(f"{sp.solve_conic(program).dual:.6f}")
     -0.500000
     """
+    check_kind(program, ConicProgram, "program")
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     settings = SolverSettings(time_limit, accuracy, target, max_iterations, solves)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity.chordal import (
     Members,
@@ -229,6 +229,7 @@ def find_cliques(
         x2 x3  (x2)
       x4
     """
+    check_kind(problem, Problem, "problem")
     n = problem.dimension
     if sparse:
         found = csp_graph(problem, objectives, joined)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from sparsepop_py import plots
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind, entries_of
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
@@ -274,7 +274,10 @@ def compare_orders(
     >>> [(row.order, row.effort, round(row.proved, 4)) for row in compared.rows[:2]]
     [(1, 'plain', -0.5), (1, 'presolve', -0.5)]
     """
-    base = options or Options()
+    check_kind(problem, Problem, "problem")
+    base = Options() if options is None else options
+    check_kind(base, Options, "options")
+    orders = entries_of(orders, "orders", "a list of orders")
     _check("orders", orders, None)
     _check("efforts", efforts, _EFFORTS)
     _check("cliques", cliques, ("sparse", "dense"))

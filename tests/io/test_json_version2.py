@@ -115,7 +115,7 @@ def test_steps_that_were_left_out_have_new_names() -> None:
 def test_other_versions_are_refused(version: Any) -> None:
     found = content("circle.problem.json") | {"version": version}
     with pytest.raises(
-        sp.ProblemError, match=r"JSON.version: found .*, expected one of 2, 3, 4, 5"
+        sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 2, 3, 4, 5"
     ):
         sp.from_json(json.dumps(found))
 

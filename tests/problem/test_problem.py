@@ -127,8 +127,16 @@ def malformed():
         "too few names": ((x,), {"names": ["a"]}, "names: found 1 names, expected 2"),
         "equal names": ((x,), {"names": ["a", "a"]}, "expected 2 distinct"),
         "sense": ((x,), {"sense": "maximise"}, "sense: found 'maximise', expected 'min' or 'max'"),
-        "squares numbers": ((x**2,), {"squares": [1.0]}, "squares: expected polynomials"),
-        "squares dimension": ((x**2,), {"squares": [z]}, "squares: expected polynomials"),
+        "squares numbers": (
+            (x**2,),
+            {"squares": [1.0]},
+            "expected polynomials in the objective's variables",
+        ),
+        "squares dimension": (
+            (x**2,),
+            {"squares": [z]},
+            "expected polynomials in the objective's variables",
+        ),
         "squares weight": ((x**2,), {"squares": [(-1.0, x)]}, "squares: found weight -1.0"),
         "squares weight nan": ((x**2,), {"squares": [(np.nan, x)]}, "squares: found weight nan"),
         "squares identity": ((x**2 + y,), {"squares": [x]}, "differs from the objective"),

@@ -128,8 +128,10 @@ def _read_number(found: Any, place: str) -> float:
 
 
 def _read_whole(found: Any, place: str) -> int:
-    if isinstance(found, bool) or not isinstance(found, int) or abs(found) >= 2**63:
+    if isinstance(found, bool) or not isinstance(found, int):
         raise wrong(place, found, "an integer")
+    if not -(2**63) <= found < 2**63:
+        raise wrong(place, found, "an integer of 64 bits")
     return found
 
 

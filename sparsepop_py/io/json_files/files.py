@@ -109,7 +109,9 @@ def from_json(source: str) -> Any:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
     version = codecs.field_of(found, "version", "JSON")
     if type(version) is not int or version not in _READ:
-        raise codecs.wrong("JSON.version", version, "one of " + ", ".join(map(str, _READ)))
+        raise codecs.wrong(
+            "JSON.version", version, "one of the integers " + ", ".join(map(str, _READ))
+        )
     name = codecs.field_of(found, "is", "JSON")
     for known, codec, since in _KINDS.values():
         if name == known and version >= since:
@@ -181,7 +183,7 @@ def read_json(path: str | Path) -> Any:
     FormatError
         If the file cannot be read.
     ProblemError
-        If its text is malformed.
+        If its text is malformed; the message names the file.
 
     Examples
     --------
@@ -193,7 +195,11 @@ def read_json(path: str | Path) -> Any:
     ...     print(sp.read_json(path).upper)
     [1.]
     """
-    return from_json(read_text(path))
+    text = read_text(path)
+    try:
+        return from_json(text)
+    except ProblemError as error:
+        raise type(error)(f"{path}: {error}") from error
 
 
 _KINDS: dict[type, tuple[str, Codec, int]] = {

@@ -60,6 +60,8 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
             raise FormatError(f"{error} (quadratic rows: {missing})") from None
         except FormatError:
             raise error from None
+    if not model.names:
+        raise FormatError(f"{path}: found no variables, expected a problem in this format")
     for name, kind in zip(model.names, model.kinds, strict=True):
         if kind not in ("continuous", "integer"):
             raise FormatError(

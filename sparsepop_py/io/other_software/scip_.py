@@ -61,6 +61,8 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
         raise FormatError(f"{path}: found no such file")
     model = _loaded(file, _require_scip())
     variables = model.getVars()
+    if not variables:
+        raise FormatError(f"{path}: found no variables, expected a problem in this format")
     number = {variable.name: v for v, variable in enumerate(variables)}
     for variable in variables:
         if variable.vtype() not in (*_WHOLE, "CONTINUOUS"):

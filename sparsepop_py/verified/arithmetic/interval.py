@@ -195,8 +195,9 @@ class Interval:
         return np.maximum(np.abs(self.lo), np.abs(self.hi))
 
     def middle(self) -> NDArray[np.float64]:
-        """Compute a double near the middle of each (finite) interval."""
-        return 0.5 * self.lo + 0.5 * self.hi
+        """Compute a double near the middle of each interval, NaN for [-inf, inf]."""
+        with np.errstate(invalid="ignore"):
+            return 0.5 * self.lo + 0.5 * self.hi
 
     def width(self) -> NDArray[np.float64]:
         """Compute hi - lo to nearest, to choose by; infinite where it exceeds all doubles."""

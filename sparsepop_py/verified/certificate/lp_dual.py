@@ -138,7 +138,8 @@ class LinearDual:
         base[owner[fixed]] = rest.lo[fixed]
         paid = ~fixed
         loss = losses(words[paid], rest[paid], owner[paid], count)
-        bound = np.where(loss == 0, base, np.nextafter(base - loss, -np.inf))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite proves nothing
+            bound = np.where(loss == 0, base, np.nextafter(base - loss, -np.inf))
         covered = np.append(True, self.scaling.boxed)[words].all(axis=1)
         open_ = ~covered & ((rest.lo != 0) | (rest.hi != 0))
         bound[owner[open_]] = -np.inf

@@ -393,3 +393,9 @@ def test_a_process_that_flushes_subnormal_numbers_is_refused(monkeypatch):
     monkeypatch.setattr(rounding, "_TINY", 0.0)  # what a flushed product looks like
     with pytest.raises(FloatingPointError, match="IEEE"):
         rounding.require_ieee()
+
+
+def test_the_middle_of_the_whole_line_is_no_number():
+    """Warnings are errors here: none may reach who asks."""
+    middle = Interval(np.array([-np.inf, -1e308, 0.0]), np.array([np.inf, 1e308, np.inf])).middle()
+    assert np.isnan(middle[0]) and middle[1:].tolist() == [0.0, np.inf]

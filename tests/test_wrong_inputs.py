@@ -1,0 +1,90 @@
+"""Arguments of wrong kinds are refused by name, before any work starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+
+X, Y = sp.variables(2)
+F = X * Y
+P = sp.Problem(F, [X**2 + Y**2 <= 1], -1, 1)
+OBJECTIVE, ROWS, LOW, HIGH = sp.to_structs(P)
+HUGE, FLAT, PAIR, RAGGED = 10**400, np.array(3), np.array([1, 2]), [[1, 2], [3]]
+
+
+def struct(lower=LOW, param=None):
+    return sp.sparsePOP(OBJECTIVE, ROWS, lower, HIGH, param)
+
+
+WRONG = [
+    ("names", lambda: sp.Problem(F, names=3)),
+    ("squares", lambda: sp.Problem(F, squares=3)),
+    ("squares", lambda: sp.Problem(F, squares=[("a", X)])),
+    ("squares", lambda: sp.Problem(F, squares=[(None, X)])),
+    ("squares", lambda: sp.Problem(F, squares=[(HUGE, X)])),
+    ("squares", lambda: sp.Problem(F, squares=[(1.0, X, Y)])),
+    ("constraints", lambda: sp.Problem(F, FLAT)),
+    ("sense", lambda: sp.Problem(F, sense=PAIR)),
+    ("constraints", lambda: sp.RationalProblem(X / (1 + Y**2), 3)),
+    ("Options.branch_on", lambda: sp.Options(branch_on=FLAT)),
+    ("Options.skip", lambda: sp.Options(skip=FLAT)),
+    ("Options.order", lambda: sp.Options(order=10**5000)),
+    ("options", lambda: sp.solve(P, PAIR)),
+    ("options", lambda: sp.solve_each(P, [X], PAIR)),
+    ("on_progress", lambda: sp.solve(P, on_progress=3)),
+    ("on_progress", lambda: sp.solve_each(P, [X], on_progress=3)),
+    ("objectives", lambda: sp.solve_each(P, None)),
+    ("Options.branch_on", lambda: sp.solve_each(P, [X], branch_on=3)),
+    ("points", lambda: sp.solve_each(P, [X], points=None)),
+    ("points", lambda: sp.solve_each(P, [X], points="a")),
+    (r"points\[0\]", lambda: sp.solve_each(P, [X], points=["a"])),
+    ("repair", lambda: sp.solve_each(P, [X], repair=3)),
+    ("repair", lambda: sp.solve_each(P, [F], repair=lambda v: "a")),
+    ("repair", lambda: sp.solve_each(P, [F], repair=lambda v: v[:1])),
+    ("problem", lambda: sp.to_structs(None)),
+    ("problem", lambda: sp.relax(None)),
+    ("problem", lambda: sp.find_cliques(None)),
+    ("program", lambda: sp.solve_conic(None)),
+    ("problem", lambda: sp.compare_orders(None, [1])),
+    *(("order", lambda v=v: sp.relax(P, v)) for v in ("a", 1.5, np.inf, HUGE, 10**5000, True)),
+    ("orders", lambda: sp.compare_orders(P, 3)),
+    ("orders", lambda: sp.compare_orders(P, b"x")),
+    ("orders", lambda: sp.compare_orders(P, [])),
+    ("total", lambda: sp.total(3)),
+    ("names", lambda: sp.variables(2, 3)),
+    ("n", lambda: sp.variables(HUGE)),
+    ("n", lambda: sp.variables(10**5000)),
+    ("second_order", lambda: sp.second_order(FLAT)),
+    ("second_order", lambda: sp.second_order(X, HUGE)),
+    ("exponent", lambda: X**HUGE),
+    ("exponent", lambda: X ** (10**5000)),
+    ("x", lambda: P.violation([HUGE, 1])),
+    ("x", lambda: P.violation("a")),
+    ("x", lambda: P.violation({})),
+    ("x", lambda: X("a")),
+    ("sparsePOP", lambda: sp.sparsePOP(X)),
+    ("lbd", lambda: struct(RAGGED)),
+    ("param", lambda: struct(param=RAGGED)),
+    ("param.tighten", lambda: struct(param={"tighten": 1 + 0j})),
+    ("param.sparseSW", lambda: struct(param={"sparseSW": 1 + 0j})),
+    ("param.printFileName", lambda: struct(param={"printFileName": 1 + 0j})),
+    ("param.relaxOrder", lambda: struct(param={"relaxOrder": HUGE})),
+]
+
+
+@pytest.mark.parametrize(("place", "call"), WRONG, ids=[f"{k} {w[0]}" for k, w in enumerate(WRONG)])
+def test_wrong_arguments_are_named(place, call):
+    with pytest.raises(sp.ProblemError, match=rf"^{place}: found .*"):
+        call()
+
+
+def test_what_is_no_problem_is_not_written(tmp_path):
+    with pytest.raises(sp.ProblemError, match="problem: found NoneType, expected a Problem"):
+        sp.write_gms(None, tmp_path / "out.gms")
+    assert not list(tmp_path.iterdir())
+
+
+def test_arrays_serve_as_lists():
+    assert sp.Options(branch_on=np.array([0, 1])).branch_on == (0, 1)
