@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -350,6 +351,34 @@ class IOData:
         return cls(stacked(arrays[: len(left)]), stacked(arrays[len(left) :]), Ts)
 
     # ---- parts --------------------------------------------------------------------------
+
+    def with_outputs(self, y: ArrayLike) -> IOData:
+        """The same record with other outputs; nothing is said of its inputs again.
+
+        Parameters
+        ----------
+        y : (N, ny) array_like
+            NaN marks a missing sample.
+
+        Raises
+        ------
+        DataError
+            If the shape is another one.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([1.0, 2.0], [3.0, 4.0], Ts=0.1)
+        >>> other = data.with_outputs([[5.0], [6.0]])
+        >>> other.y.ravel().tolist(), other.Ts
+        ([5.0, 6.0], 0.1)
+        """
+        outputs = channels_of(y, "y")
+        if outputs.shape != self.y.shape:
+            raise DataError(f"y: found shape {outputs.shape}, expected {self.y.shape}")
+        found = copy(self)
+        object.__setattr__(found, "y", outputs)
+        return found
 
     @staticmethod
     def concat(records: Iterable[IOData]) -> IOData:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from copy import copy
 from math import inf
 
 import numpy as np
@@ -56,10 +55,8 @@ class _Simulation:
         """Outputs (N, ny)."""
         y = self.values.copy()
         y[self.free] = x[self.count :].reshape(-1, self.data.outputs)
-        given = copy(self.data)
-        object.__setattr__(given, "y", y)
         with np.errstate(over="ignore", invalid="ignore"):
-            return run(self.model, x[: self.count], given)
+            return run(self.model, x[: self.count], self.data.with_outputs(y))
 
     def errors(self, x: Reals) -> Reals:
         """Errors at the known readings; huge where the simulation overflows."""

@@ -64,7 +64,7 @@ def fit_of_denominator(
         return None
     outputs = data.y.copy()
     outputs[programs.samples, 0] = fitted
-    found = regression_of_data(IOData(data.u, outputs, data.Ts, starts=data.starts), model)
+    found = regression_of_data(data.with_outputs(outputs), model)
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
     others = np.setdiff1d(np.arange(len(model.parameters)), places)
     theta = np.zeros(len(model.parameters))
@@ -72,6 +72,6 @@ def fit_of_denominator(
     rest = found.target + found.regressors[:, places] @ denominator
     theta[others] = -np.linalg.lstsq(found.regressors[:, others], rest, rcond=None)[0]
     with np.errstate(over="ignore", invalid="ignore"):  # to the last digit, where that is stable
-        again = run(model, theta, IOData(data.u, outputs, data.Ts, starts=data.starts))
+        again = run(model, theta, data.with_outputs(outputs))
     close = np.abs(again - outputs) <= _CLOSE * np.abs(outputs - data.y).max()
     return theta, again if np.all(close) else outputs

@@ -219,3 +219,15 @@ def test_paths_and_columns_of_other_types_are_named(tmp_path: Path) -> None:
     for column in (1.5, None):
         with pytest.raises(setid.DataError, match="columns: found"):
             setid.IOData.from_csv(path, column, "y")  # type: ignore[arg-type]
+
+
+def test_other_outputs_have_the_same_shape_and_are_frozen() -> None:
+    data = setid.IOData([1.0, 2.0], [3.0, 4.0], Ts=0.5, output_names=["level"])
+    given = np.array([[5.0], [np.nan]])
+    other = data.with_outputs(given)
+    given[0] = 9.0
+    assert other.y[0, 0] == 5.0 and data.y.ravel().tolist() == [3.0, 4.0]
+    assert (other.Ts, other.output_names) == (0.5, ("level",)) and not other.y.flags.writeable
+    for wrong in ([1.0, 2.0, 3.0], [[1.0, 2.0]], [np.inf, 1.0], ["a", "b"]):
+        with pytest.raises(setid.DataError):
+            data.with_outputs(wrong)
