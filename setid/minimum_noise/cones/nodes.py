@@ -41,6 +41,8 @@ class ConeNode(NamedTuple):
         Multiplier of one denominator, i samples ahead.
     products : (K, K) float
         Weights of pairs that are hard to refute.
+    edges : (K, K) float
+        Weights of edges: less than 1 where partings left a part as hard to refute.
     """
 
     cone: Cone
@@ -48,6 +50,7 @@ class ConeNode(NamedTuple):
     reference: Integers | None
     centre: Reals | None
     products: Reals
+    edges: Reals
 
     def sizes(self, bound: Reals) -> Reals:
         """Sizes of the vectors (K,), in the noise that the multiplier of a cone lets through.
@@ -94,7 +97,8 @@ def first_node(cone: Cone) -> ConeNode:
     ----------
     cone : (K, K) int
     """
-    return ConeNode(cone, False, None, None, np.ones((len(cone), len(cone))))
+    every = np.ones((len(cone), len(cone)))
+    return ConeNode(cone, False, None, None, every, every)
 
 
 def examined(task: tuple[ConePrograms, ConeNode, float]) -> Examined:

@@ -50,6 +50,8 @@ _GROWTH = 3.5  # least one: a share that is smaller by 2 takes 2 to this power a
 _PART = 0.5  # of the time: for the next target
 _BRIEF = 0.2  # seconds that tell nothing of the growth
 _NEAR = 1.5  # of the tolerance: then it comes next
+_AS_HARD = 1.02  # of what refutes the whole: a part for which parting did nothing
+_LONG = 0.5  # of the weight of an edge that was parted without avail
 
 
 def follow_denominators(
@@ -114,8 +116,9 @@ class _Search:
         self._failed: list[float] = []  # least target that was not refuted
         self._parted: list[Cell | None] = []
         self._waiting: list[tuple[float, int]] = []
+        self._wholes: list[int] = []  # -1 for the first ones
         for cone in first_cones(self._rows.order, self._rows.stable):
-            self._file(first_node(cone))
+            self._file(first_node(cone), -1)
 
     @property
     def target(self) -> float:
@@ -128,9 +131,10 @@ class _Search:
         full = len(self._multipliers) * 8.0 * self._programs.y.size > _MEMORY
         return full or self._until.over
 
-    def _file(self, node: ConeNode) -> None:
+    def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
+        self._wholes.append(whole)
         self._leaves.append(_NOTHING)
         self._proved.append(0.0)
         self._failed.append(np.inf)
@@ -250,10 +254,10 @@ class _Search:
 
     def _parts(self, number: int) -> tuple[int, ...]:
         """Part a cone at an edge between vectors that are hard to refute together."""
-        node, edge = self._nodes[number], (0, 1, (1, 1))
+        node, edge, edges = self._nodes[number], (0, 1, (1, 1)), self._edges(number)
         if node.centre is not None:
             filtered, bound = node.cone.astype(np.float64) @ node.centre, self._programs.bound
-            changing = changing_edge(filtered, node.sizes(bound), bound, node.products)
+            changing = changing_edge(filtered, node.sizes(bound), bound, node.products * edges)
             if changing is None:
                 return ()
             edge = changing
@@ -264,8 +268,27 @@ class _Search:
         first = len(self._nodes)
         self._parted[number] = Cell((first, first + 1), (i, j), weights)
         for part in parts:
-            self._file(node._replace(cone=part, centred=False))
+            self._file(node._replace(cone=part, centred=False, edges=edges), number)
         return first, first + 1
+
+    def _edges(self, number: int) -> Reals:
+        """Weigh the edges of a cone (K, K).
+
+        Where its whole was parted into one that is refuted and this one, which is as hard as the
+        whole, that edge is long: slice after slice would be cut off.
+        """
+        weights, whole = self._nodes[number].edges, self._wholes[number]
+        cell = None if whole < 0 else self._parted[whole]
+        if cell is None:
+            return weights
+        other = sum(cell.children) - number
+        harder = self._proved[number] < _AS_HARD * self._proved[whole]
+        if self._proved[other] < self.target or not harder:
+            return np.asarray(np.sqrt(weights), np.float64)
+        i, j = cell.edge
+        weights = weights.copy()
+        weights[[i, j], [j, i]] *= _LONG
+        return weights
 
     def _found(self, output: int) -> FoundDenominators:
         """State what the tree refutes; parts that refute less than their whole are left out."""

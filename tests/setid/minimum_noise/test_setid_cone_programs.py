@@ -23,6 +23,7 @@ from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.proofs.least_noise.denominator_cells import (
+    Cell,
     Cone,
     OutputRows,
     first_cones,
@@ -512,3 +513,25 @@ def test_programs_that_come_slowly_are_left() -> None:
         assert whole.factor >= 0.03 or early.factor < 0.03
         left += early.factor < 0.03 <= whole.factor
     assert left > 0
+
+
+@pytest.mark.parametrize(
+    ("other", "own", "weight"), [(2.0, 0.4, 0.4), (2.0, 0.5, 0.8**0.5), (0.3, 0.4, 0.8**0.5)]
+)
+def test_an_edge_that_is_parted_without_avail_counts_less(
+    other: float, own: float, weight: float
+) -> None:
+    """One part is refuted and the other as hard as its whole: half of the weight of 0.8."""
+    rows = rows_of(2)
+    search = search_of(rows, np.real(np.poly(POLES[2])), 0.05)
+    before = np.full((3, 3), 0.8)
+    node = search._nodes[0]._replace(edges=before)
+    search._nodes[0] = node
+    search._parted[0] = Cell((1, 2), (0, 2), (1, 1))
+    for _ in range(2):
+        search._file(node, 0)
+    search._proved[:] = [0.4 * search.target, other * search.target, own * search.target]
+    found = search._edges(2)
+    assert found[0, 2] == found[2, 0] == pytest.approx(weight)
+    assert found[0, 1] == pytest.approx(0.8 if weight == 0.4 else weight)
+    assert np.all(before == 0.8) and np.all(search._edges(0) == 0.8)
