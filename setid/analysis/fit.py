@@ -379,8 +379,9 @@ def _output(
 ) -> Fit:
     until = settings.deadline()
     local = output_error_fit(data, model, until)
-    refuted = _refuted(stated(data, model, priors, 1.0), norm, settings, until)
-    fits = [local, *_of_denominators(data, model, norm, local[0], refuted.best, until)]
+    formulation = stated(data, model, priors, 1.0)
+    refuted = _refuted(formulation, norm, settings, until)
+    fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
     fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
     theta, outputs = fits[0]
     known: OutputErrors | None = None
@@ -419,10 +420,11 @@ def _output(
 
 
 def _of_denominators(
-    data: IOData, model: Structure, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
+    formulation: Formulation, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
 ) -> list[tuple[Reals, Reals]]:
     """Fit the other parameters for the denominators of a fit and of a search; single outputs."""
-    rows = error_rows(stated(data, model, (), 1.0), norm, 1.0)
+    data, model = formulation.data, formulation.model
+    rows = error_rows(formulation, norm, 1.0)
     if rows is None or not isinstance(model, TransferFunction):
         return []
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]

@@ -20,6 +20,7 @@ from checker.result import NotProved
 
 INF = math.inf
 PROVED = {"strong-oi": "Directions", "two-poles-o": "Products", "simulated-free-0": "Simulation"}
+OFFSETS = {"two-poles-offset-auto": "Products", "two-poles-offset-direct": "Products"}
 
 
 def loaded(name: str) -> dict:
@@ -49,10 +50,10 @@ def step_of(found: dict, kind: str) -> dict:
     return next(step for step in found["box"]["steps"] if step["is"] == kind)
 
 
-@pytest.mark.parametrize("name", PROVED)
+@pytest.mark.parametrize("name", PROVED | OFFSETS)
 def test_boxes_of_strong_noise_and_of_two_denominators_are_proved(name):
     found = loaded(name)
-    step_of(found, PROVED[name])
+    step_of(found, (PROVED | OFFSETS)[name])
     lines = Identification(found).check()
     assert not any(line.startswith("taken as given") for line in lines)
     assert sum("attained from" in line for line in lines) == len(found["parameters"])

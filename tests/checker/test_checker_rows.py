@@ -128,6 +128,39 @@ def test_sums_of_products_bound_each_of_them():
     assert near(total([(1,), (1, 2)], box), 2, 8)
 
 
+def test_a_factor_that_all_products_share_is_divided_by_their_other_factors():
+    """6 <= c + c a + c a b <= 12 with 1 <= a <= 2, 0 <= b <= 1: c in 6 / 5 to 12 / 2."""
+    box = grid((1, 2), (0, 1), (-1000, 1000))
+    settle([(3,), (1, 3), (1, 2, 3)], *grid((6, 12)), box)
+    assert near(box[2], Fraction(6, 5), 6) and near(box[0], 1, 2) and near(box[1], 0, 1)
+
+
+def test_squares_and_factors_of_some_products_are_not_shared():
+    """a^2 + a b = 2 at a = -2, b = 1, and a b + c = 2 at a = 2, b = 1, c = 0: both stay."""
+    box = grid((-2, 2), (1, 1))
+    settle([(1, 1), (1, 2)], *grid((2, 2)), box)
+    assert iv.exact(box[0][0]) <= -2
+    box = grid((0, 4), (1, 1), (-1, 3))
+    settle([(3,), (1, 2)], *grid((2, 2)), box)
+    assert iv.exact(box[2][0]) <= 0 and iv.exact(box[0][1]) >= 3
+
+
+def test_an_offset_of_the_output_is_multiplied_by_each_denominator():
+    """(1 + a) (1 + a') c of two inputs with a pole each; c alone in the direct form."""
+    table = {"na": [[1, 1]], "nb": [[1, 1]], "nk": [[1, 1]], "initial": "free"}
+    flags = {"common_denominator": False, "offset": True}
+    for form, factors in (
+        ("direct", [()]),
+        ("multiplied", [(), ("a[1,1]1",), ("a[1,2]1",), ("a[1,1]1", "a[1,2]1")]),
+    ):
+        made = Structure(table | flags | {"form": form}, 2, 1)
+        constant = [term for term in made.equation("y1") if not term.signal]
+        assert all(term.sign == -1 and not term.lag for term in constant)
+        assert sorted(term.parameters for term in constant) == sorted((*f, "c") for f in factors)
+    with pytest.raises(reading.Malformed, match="zero"):
+        Structure(table | flags | {"form": "multiplied", "initial": "zero"}, 2, 1)
+
+
 def test_a_product_with_a_factor_around_zero_bounds_nothing():
     box = grid((-1, 1), (-10, 10))
     settle([(1, 2)], *grid((2, 6)), box)
