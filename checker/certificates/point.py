@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 from ..arithmetic import interval as iv
@@ -13,7 +13,7 @@ from ..arithmetic.polynomial import INF, Polynomial, power_of_two
 from ..files.reading import Constraint, Malformed, Problem, alike, below, fields
 from .gram import semidefinite
 from .left_inverse import dot, reached
-from .substitution import substituted
+from .substitution import blocks, substituted
 
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
 
@@ -100,7 +100,16 @@ class ProvedPoint:
     def _by_rows(self) -> list[Interval] | None:
         """A box around x that holds the zero of rows that are solved one after the other."""
         rows = [self.problem.constraints[k].polynomial for k in self.rows]
-        found = substituted(rows, self.solved, self.x)
+        known, values = list(self.x), list[Fraction]()
+        for begin, end in pairwise(blocks(rows, self.solved)):
+            ours = self.solved[begin:end]
+            first = solved_linearly(self.problem, self.rows[begin:end], ours, known)
+            if first is None:
+                return None
+            for v in ours:
+                known[v] = first[v]
+                values.append(first[v])
+        found = substituted(rows, self.solved, self.x, values)
         if found is None:
             return None
         box = [(iv.below(x), iv.above(x)) for x in self.x]

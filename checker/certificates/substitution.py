@@ -16,24 +16,48 @@ SMALL = 70  # an enclosure is less wide than 2**-SMALL
 
 
 def substituted(
-    rows: list[Polynomial], solved: list[int], x: list[Fraction]
+    rows: list[Polynomial], solved: list[int], x: list[Fraction], first: list[Fraction]
 ) -> list[tuple[Fraction, Fraction]] | None:
-    """For each variable of ``solved`` in turn, ends between which its row makes it lie."""
+    """For each variable of ``solved`` in turn, ends between which its row makes it lie.
+
+    The first variables are known.
+    """
     place = {v: i for i, v in enumerate(solved)}
     for bits in BITS:
-        found = _discs(rows, place, x, bits)
+        found = _discs(rows, place, x, first, bits)
         if found is None or len(found) == len(rows):
             unit = 1 << bits
             return found and [(Fraction(m - r, unit), Fraction(m + r, unit)) for m, r in found]
     return None
 
 
+def blocks(rows: list[Polynomial], solved: list[int]) -> list[int]:
+    """Bounds of the first blocks of rows, from 0 to the end of the last one of several rows.
+
+    A block is as short as can be without a variable of a later one.
+    """
+    place = {v + 1: i for i, v in enumerate(solved)}
+    found, latest, begin, ends = [0], 0, 0, [0]
+    for number, row in enumerate(rows):
+        latest = max([latest, number, *(place.get(v, 0) for word in row.terms for v in word)])
+        if latest == number:
+            ends.append(number + 1)
+            if number > begin:
+                found = list(ends)
+            begin = number + 1
+    return found
+
+
 def _discs(
-    rows: list[Polynomial], place: dict[int, int], x: list[Fraction], bits: int
+    rows: list[Polynomial],
+    place: dict[int, int],
+    x: list[Fraction],
+    first: list[Fraction],
+    bits: int,
 ) -> list[Disc] | None:
     """Enclosures, fewer where one is too wide; None where the rows are not of this kind."""
-    found: list[Disc] = []
-    for number, row in enumerate(rows):
+    found: list[Disc] = [_times_number((1 << bits, 0), value) for value in first]
+    for number, row in list(enumerate(rows))[len(first) :]:
         rest: Disc = 0, 0
         slope: Disc = 0, 0
         for word, value in row.terms.items():

@@ -32,7 +32,7 @@ def proved_point(
     solved = _newest(formulation, rows)
     if solved is None:
         return None
-    if rows.size > _MANY and (order := _triangular(problem, rows, solved)) is not None:
+    if rows.size > _MANY and (order := _in_turn(problem, rows, solved)) is not None:
         rows, solved = rows[order], solved[order]
         return sp.ProvedPoint(x, inf, 0.0, "substitution", rows, solved).recheck(problem)
     for proof in ("exact", "krawczyk") if rows.size else ("exact",):
@@ -42,10 +42,13 @@ def proved_point(
     return None
 
 
-def _triangular(
+def _in_turn(
     problem: sp.Problem, rows: NDArray[np.int64], solved: NDArray[np.int64]
 ) -> NDArray[np.int64] | None:
-    """An order in which each row contains variables of rows before it only; None without one."""
+    """Order rows so that each contains variables of rows before it; None where that fails.
+
+    Rows that contain each other's variables form blocks. They come first, with what they need.
+    """
     place = np.full(problem.dimension, -1)
     place[solved] = np.arange(solved.size)
     system = problem.rows.take(rows)
@@ -53,10 +56,36 @@ def _triangular(
     needs: list[set[int]] = [set() for _ in range(rows.size)]
     for row, numbers in zip(system.row.tolist(), ours.tolist(), strict=True):
         needs[row].update(number for number in numbers if number not in (-1, row))
-    try:
-        return np.array(list(TopologicalSorter(dict(enumerate(needs))).static_order()), np.int64)
-    except CycleError:
+    block = list(range(rows.size))  # the first row of each row's block
+    while sum(number < row for row, number in enumerate(block)) <= _MANY:
+        graph: dict[int, set[int]] = {number: set() for number in block}
+        for row, others in enumerate(needs):
+            graph[block[row]].update({block[other] for other in others} - {block[row]})
+        try:
+            turns = list(TopologicalSorter(graph).static_order())
+        except CycleError as cycle:
+            joined = set(cycle.args[1])
+            block = [min(joined) if number in joined else number for number in block]
+        else:
+            return _first_the_blocks(block, graph, turns)
+    return None
+
+
+def _first_the_blocks(
+    block: list[int], graph: dict[int, set[int]], turns: list[int]
+) -> NDArray[np.int64] | None:
+    """Put blocks of several rows, and what they need, before others; None where they are many."""
+    members: dict[int, list[int]] = {number: [] for number in turns}
+    for row, number in enumerate(block):
+        members[number].append(row)
+    first: set[int] = set()
+    for number in reversed(turns):
+        if len(members[number]) > 1 or number in first:
+            first |= {number} | graph[number]
+    if sum(len(members[number]) for number in first) > _MANY:
         return None
+    order = sorted(turns, key=lambda number: number not in first)
+    return np.array([row for number in order for row in members[number]], np.int64)
 
 
 def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0) -> bool:

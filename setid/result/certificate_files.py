@@ -39,7 +39,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 3
+_FORMAT, _VERSION = "setid", 4
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from certificate_corpus import FEW, solved
 import sparsepop_py as sp
 from checker import command, result
 from checker.arithmetic import interval as iv
+from checker.certificates import substitution
 from checker.certificates.certificate import Box, Replay, Tightening
 from checker.files import reading
 
@@ -80,7 +81,7 @@ def test_nothing_but_the_standard_library_is_imported():
 def test_the_program_prints_what_is_proved(tmp_path):
     """min x y on the unit disc is -1/2; a claim of -0.4 is false; a text states it as well."""
     found = loaded("known", 6, "disc")
-    own = {"format": "sparsepop-py", "version": 5}
+    own = {"format": "sparsepop-py", "version": 6}
     problem = tmp_path / "problem.json"
     problem.write_text(json.dumps(own | {"is": "problem", "problem": found["problem"]}))
     words = tmp_path / "problem.txt"
@@ -103,7 +104,7 @@ def test_version_two_is_read(tmp_path, capsys, group):
     old = {"branch": "cut", "uses_cutoff": "cutoff"}
     for name, text in solved(group, FEW[group]).items():
         file = json.loads(text)
-        assert file["version"] == 5
+        assert file["version"] == 6
         for part in (p for c in file["result"]["certificate"] for p in c["parts"]):
             part["cut"] = part.pop("branch")
             for step in part["steps"]:
@@ -138,9 +139,9 @@ def test_fingerprints_are_those_of_the_package(tmp_path, capsys):
 def test_files_of_another_kind_are_refused(tmp_path, change):
     text = solved("known", 6)["disc"]
     edits = {
-        "version": ('"version":5', '"version":6'),
+        "version": ('"version":6', '"version":7'),
         "format": ('"sparsepop-py"', '"sparsepop"'),
-        "twice": ('"version":5', '"version":5,"version":5'),
+        "twice": ('"version":6', '"version":6,"version":6'),
         "nan": ('"lower_bound":', '"lower_bound":NaN,"other":'),
         "large": ('"lower_bound":', '"lower_bound":1e999,"other":'),
     }
@@ -576,6 +577,43 @@ def test_rows_are_solved_one_after_the_other(rows, solved, x, value, word):
     found |= {"lower_bound": "-inf", "upper_bound": value, "status": "BOUNDED"}
     assert verdict(found | {"attained": point}) == word
     assert verdict(found | {"attained": point | {"radius": 0.0}}) == "refused"
+
+
+@pytest.mark.parametrize(
+    ("second", "value", "word"),
+    [
+        (lambda v, w, a: w + a * v == 2, 1e-12, "accepted"),
+        (lambda v, w, a: w + a * v == 2, -1e-9, "refused"),
+        (lambda v, w, a: w + a * v**2 == 2, 1e-12, "refused"),  # not linear together
+        (lambda v, w, a: v + a * w == 2, 1e-12, "refused"),  # no solution
+        (lambda v, w, a: 2 * v + w == 2, 1e-12, "refused"),  # more than one
+        (lambda v, w, a: w + a * v == 2.001, 1e-12, "refused"),  # v is negative
+    ],
+)
+def test_first_rows_are_solved_together(second, value, word):
+    """v + w / 2 = 1 and w + v / 2 = 2 have v = 0 and w = 2; then 3 z = w + 1 has z = 1."""
+    a, v, w, z = sp.variables(4)
+    rows = [v + a * w == 1, second(v, w, a), 3 * z == w + 1]
+    problem = sp.Problem(v, [*rows, v >= -1e-12, z <= 1.001], -9, 9)
+    point = {
+        "x": numbers("f8", [4], 0.5, 0.0, 2.0, 1.0),
+        "value": value,
+        "radius": 1e-12,
+        "proof": "substitution",
+        "rows": numbers("i8", [3], 0, 1, 2),
+        "solved": numbers("i8", [3], 1, 2, 3),
+    }
+    found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
+    found |= {"lower_bound": "-inf", "upper_bound": value, "status": "BOUNDED"}
+    assert verdict(found | {"attained": point}) == word
+
+
+def test_first_rows_are_enclosed_by_few_bits(monkeypatch):
+    monkeypatch.setattr(substitution, "BITS", (4,))
+    third = Fraction(1, 3)
+    for value in (third, -third, 2 * third):
+        ((low, high),) = substitution.substituted([None], [0], [Fraction(0)], [value])
+        assert low < value < high
 
 
 def test_long_recursions_take_more_bits():

@@ -40,7 +40,7 @@ def test_results_of_version_2_hold_and_are_written_anew(name: str, optimum: floa
     verdict = result.certificate.verify(result.problem)
     assert verdict.ok and verdict.reason == ""
     text = sp.to_json(result)
-    assert json.loads(text)["version"] == 5
+    assert json.loads(text)["version"] == 6
     again = sp.from_json(text)
     assert again.lower_bound == result.lower_bound
     assert again.certificate.verify(result.problem).bound == verdict.bound
@@ -111,11 +111,11 @@ def test_steps_that_were_left_out_have_new_names() -> None:
     assert sp.from_json(json.dumps(found)).options.skip == ("obbt_lp", "cutoff")
 
 
-@pytest.mark.parametrize("version", [0, 1, 6, 2.0, 4.0, "4", True, None, [4]])
+@pytest.mark.parametrize("version", [0, 1, 7, 2.0, 4.0, "4", True, None, [4]])
 def test_other_versions_are_refused(version: Any) -> None:
     found = content("circle.problem.json") | {"version": version}
     with pytest.raises(
-        sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 2, 3, 4, 5"
+        sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 2, 3, 4, 5, 6"
     ):
         sp.from_json(json.dumps(found))
 

@@ -4,6 +4,11 @@ Row i is linear in its own variable v_i and contains no v_j with j > i, as in a 
 
     p_i = c_i + s_i v_i,    c_i, s_i polynomials in v_1, ..., v_{i-1} and variables that are kept.
 
+Only the first rows may contain variables of later ones among them. They fall into blocks, each as
+short as can be without a variable of a later block. A block is linear in its own variables
+together, which are solved for in rationals. So the reflection coefficients that prove stability
+follow from a denominator, two by two.
+
 Where s_i is not zero over what encloses v_1, ..., v_{i-1}, v_i = -c_i / s_i exists and lies in the
 quotient of the ranges. Numbers are whole multiples of 2**-K. Enclosures widen from row to row by
 the sum of the magnitudes of the slopes at most, so K grows with the length of a record and the
@@ -18,6 +23,7 @@ systems by substitution).
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 from math import ldexp
 from typing import Any, NamedTuple
 
@@ -26,7 +32,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
-from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
+from sparsepop_py.verified.arithmetic.rational import solve_rationally
 
 __all__ = ["substituted"]
 
@@ -53,14 +60,18 @@ def substituted(
     Returns
     -------
     Interval (n,) or None
-        Degenerate in all variables but ``solved``. None if a row is not linear in its variable,
-        contains a later one, or has a slope that may be zero.
+        Degenerate in all variables but ``solved``. None if a row is not linear in its variable or
+        has a slope that may be zero, or if the first rows do not determine theirs.
     """
-    rows = _terms(system, x, solved)
-    if rows is None:
+    place = np.full(1 + x.size, -1)  # by letters; the first one stands for nothing
+    place[1 + solved] = np.arange(solved.size)
+    blocks = _blocks(system, place)
+    first = _solved_blocks(system, x, solved, blocks)
+    terms = _terms(system, x, place.tolist(), blocks[-1])
+    if first is None or terms is None:
         return None
     for bits in _BITS:
-        found = _enclosures(rows, bits)
+        found = _enclosures(first, terms, bits)
         if found is None or len(found) == solved.size:
             return None if found is None else _as_doubles(x, solved, found, bits)
     return None
@@ -75,19 +86,46 @@ class _Term(NamedTuple):
     own: bool
 
 
+def _blocks(system: PolynomialSystem, place: NDArray[np.int64]) -> list[int]:
+    """Bound the first blocks, up to the last one of several rows; 0 comes first."""
+    every = np.arange(system.size)
+    latest = every.copy()  # variable in a row or before, by its place
+    np.maximum.at(latest, system.row, place[system.words].max(axis=1, initial=-1))
+    latest = np.maximum.accumulate(latest)
+    several = np.flatnonzero(latest > every)
+    ends = 1 + np.flatnonzero(latest == every)
+    return [0, *ends[ends <= several.max(initial=-2) + 2].tolist()]
+
+
+def _solved_blocks(
+    system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any], blocks: list[int]
+) -> list[Fraction] | None:
+    """Solve the first blocks in turn; None if a block is not linear or has no unique solution."""
+    exact, count = [Fraction(value) for value in x.tolist()], blocks[-1]
+    for begin, end in pairwise(blocks):
+        block = system.take(np.arange(begin, end))
+        found = solve_rationally(block, exact, solved[begin:end].tolist())
+        if found is None:
+            return None
+        for variable, value in found.items():
+            exact[variable] = value
+    rows = system.take(np.arange(count))
+    if any(exact_values(rows.words, rows.coefficients, rows.row, rows.size, exact)):
+        return None
+    return [exact[variable] for variable in solved[:count].tolist()]
+
+
 def _terms(
-    system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any]
+    system: PolynomialSystem, x: NDArray[Any], place: list[int], together: int
 ) -> list[list[_Term]] | None:
-    """Terms of each row; None where one is not as it should be."""
-    place = [-1] * (1 + x.size)  # by letters
-    for i, variable in enumerate(solved.tolist()):
-        place[1 + variable] = i
-    place[0] = -1  # it stands for nothing
+    """Terms of each row but the first ones; None where one is not as it should be."""
     values = [_dyadic(value) for value in x.tolist()]
-    found: list[list[_Term]] = [[] for _ in range(system.size)]
+    found: list[list[_Term]] = [[] for _ in range(together, system.size)]
     for letters, coefficient, row in zip(
         system.words.tolist(), system.coefficients.tolist(), system.row.tolist(), strict=True
     ):
+        if row < together:
+            continue
         whole, exponent = _dyadic(coefficient)
         inside: list[int] = []
         for letter in letters:
@@ -97,10 +135,10 @@ def _terms(
                 factor, more = values[letter - 1]
                 whole, exponent = whole * factor, exponent + more
         own = inside.count(row)
-        if own > 1 or any(number > row for number in inside):
+        if own > 1:
             return None
         before = [number for number in inside if number != row]
-        found[row].append(_Term(whole, exponent, before, own > 0))
+        found[row - together].append(_Term(whole, exponent, before, own > 0))
     return found
 
 
@@ -110,9 +148,9 @@ def _dyadic(value: float) -> Ends:
     return top, 1 - bottom.bit_length()
 
 
-def _enclosures(rows: list[list[_Term]], bits: int) -> list[Ends] | None:
+def _enclosures(first: list[Fraction], rows: list[list[_Term]], bits: int) -> list[Ends] | None:
     """Ends of all variables in turn; fewer where one is too wide."""
-    found: list[Ends] = []
+    found = [_around(value, bits) for value in first]
     for terms in rows:
         check()
         rest = [_range(term, found, bits) for term in terms if not term.own]
@@ -124,6 +162,12 @@ def _enclosures(rows: list[list[_Term]], bits: int) -> list[Ends] | None:
             break
         found.append(ends)
     return found
+
+
+def _around(value: Fraction, bits: int) -> Ends:
+    """Ends of a rational number in units of 2**-bits."""
+    top, bottom = value.numerator << bits, value.denominator
+    return top // bottom, -(-top // bottom)
 
 
 def _range(term: _Term, found: list[Ends], bits: int) -> Ends:

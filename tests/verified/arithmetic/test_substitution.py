@@ -87,14 +87,66 @@ def test_systems_that_are_not_triangular_prove_nothing():
     v, w = sp.variables(2)
     both = np.array([0, 1])
     for rows in (
-        [v + w == 1, w == 2],  # a later variable
+        [v * w == 2, w == 2],  # a later variable, in a product
         [v**2 == 1, w == 2],  # not linear
-        [w == 2, v == 1],  # rows in another order
+        [v + w == 1, v + w == 2],  # no solution
+        [v + w == 1, 2 * v + 2 * w == 2],  # more than one
+        [w == 1, w + 0 * v == 2],  # a variable that no row has
         [v == 0, v * w == 1],  # a slope that is zero
         [v == 0, v * w == 0],
         [3 * v == 1, (3 * v - 1) * w == 0],  # zero, and enclosed by an interval around it
     ):
         assert substituted(system(sp.Problem(v, rows)), np.zeros(2), both) is None
+
+
+@pytest.mark.parametrize("kept", [0.5, -0.75])
+def test_first_rows_are_solved_together(kept):
+    """v + y w = 1 and w + y v = 2 have v = (1 - 2 y) / (1 - y^2) and w = (2 - y) / (1 - y^2)."""
+    v, w, z, y = sp.variables(4)
+    rows = [v + y * w == 1, w + y * v == 2, (w + 3) * z == v - y]
+    box = substituted(system(sp.Problem(v, rows)), np.array([9.0, 9.0, 9.0, kept]), np.arange(3))
+    a = Fraction(kept)
+    exact = [(1 - 2 * a) / (1 - a**2), (2 - a) / (1 - a**2)]
+    exact.append((exact[0] - a) / (exact[1] + 3))
+    assert all(holds(box, k, exact[k]) for k in range(3))
+    assert np.all(box.hi - box.lo <= 1e-15)
+    assert box.lo[3] == box.hi[3] == kept
+    turned = [rows[1], rows[0], rows[2]]
+    again = substituted(system(sp.Problem(v, turned)), np.array([0.0, 0, 0, kept]), np.arange(3))
+    assert np.array_equal(again.lo, box.lo) and np.array_equal(again.hi, box.hi)
+
+
+def test_blocks_follow_each_other():
+    """p + q = 1 and p - q = s, then q r = 1 + t and t + r = 0: each block is linear, not all."""
+    p, q, r, t, s = sp.variables(5)
+    rows = [p + q == 1, p - q == s, q * r == 1 + t, t + r == 0]
+    kept = np.array([0.0, 0.0, 0.0, 0.0, 0.3])
+    box = substituted(system(sp.Problem(p, rows)), kept, np.arange(4))
+    a = Fraction(0.3)
+    third = 1 / ((1 - a) / 2 + 1)
+    assert all(holds(box, k, v) for k, v in enumerate([(1 + a) / 2, (1 - a) / 2, third, -third]))
+    order = [rows[0], rows[2], rows[1], rows[3]]  # one block, in which q r is a product
+    assert substituted(system(sp.Problem(p, order)), kept, np.array([0, 2, 1, 3])) is None
+
+
+def test_first_rows_are_enclosed_by_few_bits(monkeypatch):
+    """Two thirds lies between 10 and 11 sixteenths, one third between 5 and 6."""
+    monkeypatch.setattr(substitution, "_BITS", (4,))
+    v, w = sp.variables(2)
+    rows = system(sp.Problem(v, [v + w == 1, v - 2 * w == 0]))
+    box = substituted(rows, np.zeros(2), np.array([0, 1]))
+    assert (16 * box.lo).tolist() == [10, 5] and (16 * box.hi).tolist() == [11, 6]
+
+
+def test_a_wrong_solution_of_the_first_rows_proves_nothing(monkeypatch):
+    v, w = sp.variables(2)
+    rows = system(sp.Problem(v, [v + w == 1, v - w == 3]))
+    both = np.array([0, 1])
+    assert holds(substituted(rows, np.zeros(2), both), 0, Fraction(2))
+    for wrong in ((2, 3), (1, 0)):  # each satisfies one row
+        found = dict(enumerate(map(Fraction, wrong)))
+        monkeypatch.setattr(substitution, "solve_rationally", lambda *_, found=found: found)
+        assert substituted(rows, np.zeros(2), both) is None
 
 
 def test_sizes_that_doubles_hardly_hold():
