@@ -87,7 +87,7 @@ class _Term(NamedTuple):
 
 
 def _blocks(system: PolynomialSystem, place: NDArray[np.int64]) -> list[int]:
-    """Bound the first blocks, up to the last one of several rows; 0 comes first."""
+    """Bound the first blocks: from 0 to the end of the last one of several rows."""
     every = np.arange(system.size)
     latest = every.copy()  # variable in a row or before, by its place
     np.maximum.at(latest, system.row, place[system.words].max(axis=1, initial=-1))
@@ -100,7 +100,7 @@ def _blocks(system: PolynomialSystem, place: NDArray[np.int64]) -> list[int]:
 def _solved_blocks(
     system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any], blocks: list[int]
 ) -> list[Fraction] | None:
-    """Solve the first blocks in turn; None if a block is not linear or has no unique solution."""
+    """Solve the first blocks in turn; None if one is not linear, or singular."""
     exact, count = [Fraction(value) for value in x.tolist()], blocks[-1]
     for begin, end in pairwise(blocks):
         block = system.take(np.arange(begin, end))
