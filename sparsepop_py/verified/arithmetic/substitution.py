@@ -87,7 +87,7 @@ class _Term(NamedTuple):
 
 
 def _blocks(system: PolynomialSystem, place: NDArray[np.int64]) -> list[int]:
-    """Bound the first blocks: from 0 to the end of the last one of several rows."""
+    """Bound the first blocks, from 0 to the last one of several rows."""
     every = np.arange(system.size)
     latest = every.copy()  # variable in a row or before, by its place
     np.maximum.at(latest, system.row, place[system.words].max(axis=1, initial=-1))
