@@ -118,7 +118,7 @@ def _solved_blocks(
 def _terms(
     system: PolynomialSystem, x: NDArray[Any], place: list[int], together: int
 ) -> list[list[_Term]] | None:
-    """Terms of each row but the first ones; None where one is not as it should be."""
+    """Terms of each row but the first ones; None where one is wrong."""
     values = [_dyadic(value) for value in x.tolist()]
     found: list[list[_Term]] = [[] for _ in range(together, system.size)]
     for letters, coefficient, row in zip(
