@@ -5,7 +5,8 @@
 
 Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
 the box of the parameters comes from the data alone and is part of the proof; the engine
-then tightens all 2 p ends together.
+then tightens all 2 p ends together. Where a prior adds unknowns to rows of data that are linear,
+the box is as narrow as they allow. If points near its ends satisfy the prior, that is the result.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from setid.feasible_points.cascades import (
     tightened_cascade,
 )
 from setid.feasible_points.inner_ends import inner_ends
+from setid.feasible_points.linear_ends import linear_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import Repair, first_point
 from setid.feasible_set.start import find_box
@@ -396,11 +398,39 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         points = [end.attained for end in settled.evidence.ends if end.attained is not None]
     problem = problem_on_box(formulation, box)
     outcome = Outcome(problem=problem, box=box, notes=notes)
+    at_ends = None if settled is not None else _at_linear_ends(formulation, task, outcome)
+    if at_ends is not None and _closed(at_ends):
+        return at_ends
     p = len(formulation.parameters)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):
         return _without_box(formulation, task, outcome, loose)
     return _by_engine(formulation, task, outcome, bool(loose.size), points)
+
+
+def _at_linear_ends(
+    formulation: Formulation, task: _Task, outcome: Outcome
+) -> Identification | None:
+    """Attain all ends of the box where rows of data are linear; None where they are not."""
+    ends = task.kept("points", partial(linear_ends, formulation), [])
+    if not ends:
+        return None
+    scaled = in_units(_stated(outcome), formulation)
+    attain = partial(_attained_at, formulation, scaled, ends)
+    results = task.kept("points", attain, ())
+    items = _intervals(formulation, scaled, results, task.settings.tol)
+    return task.result(formulation, items, replace(outcome, results=results))
+
+
+def _attained_at(
+    formulation: Formulation, scaled: InUnits, ends: Sequence[NDArray[np.float64]]
+) -> tuple[sp.Result, ...]:
+    """Results that claim the points near these vectors, where they are proved."""
+    made = []
+    for objective, x in zip(objectives(formulation), ends, strict=True):
+        about = scaled.problem.with_objective(scaled.asked(objective)[0])
+        made.append(attained_result(about, proved_point(formulation, about, x / scaled.units)))
+    return tuple(made)
 
 
 def _equations(formulation: Formulation) -> int:

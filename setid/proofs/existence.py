@@ -13,7 +13,7 @@ from setid.formulation.formulation import Formulation
 
 __all__ = ["admitted", "proved_point"]
 
-_MANY = 200  # equations beyond which they are solved in fixed point, not in rationals
+_MANY = 200  # constraints beyond which they are checked in fixed point before rationals
 
 
 def proved_point(
@@ -32,9 +32,14 @@ def proved_point(
     solved = _newest(formulation, rows)
     if solved is None:
         return None
-    if rows.size > _MANY and (order := _in_turn(problem, rows, solved)) is not None:
-        rows, solved = rows[order], solved[order]
-        return sp.ProvedPoint(x, inf, 0.0, "substitution", rows, solved).recheck(problem)
+    order = None
+    if rows.size and len(problem.constraints) > _MANY:
+        order = _in_turn(problem, rows, solved)
+    if order is not None:
+        turned = rows[order], solved[order]
+        point = sp.ProvedPoint(x, inf, 0.0, "substitution", *turned).recheck(problem)
+        if point is not None or rows.size > _MANY:
+            return point
     for proof in ("exact", "krawczyk") if rows.size else ("exact",):
         point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
         if point is not None:

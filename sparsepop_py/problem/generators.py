@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,9 @@ def product_terms(
     return words, number[position], first[position], second
 
 
+_MOST_LINEAR = 40  # inequalities of a clique, which are multiplied with each other
+
+
 def useful_products(
     problem: Problem,
     members: Sequence[tuple[int, ...]],
@@ -143,7 +147,7 @@ def useful_products(
 
     The bounds of two variables that multiply each other somewhere, and each linear
     inequality with the bounds of such partners of its variables and with the other
-    linear inequalities of its clique. Shape (P, 2).
+    linear inequalities of its clique, unless these are many. Shape (P, 2).
     """
     n, rows = problem.dimension, problem.rows
     boxed = np.isfinite(problem.lower) & np.isfinite(problem.upper)
@@ -159,7 +163,7 @@ def useful_products(
         partner.setdefault(i, set()).add(j)
         partner.setdefault(j, set()).add(i)
     mixed = []
-    linear: dict[int, list[int]] = {}
+    linear: dict[int, list[tuple[int, bool]]] = {}  # with: some partner meets it
     for number, constraint in enumerate(problem.constraints):
         if problem.equality[number] or constraint.polynomial.degree != 1:
             continue
@@ -169,8 +173,10 @@ def useful_products(
         met = set().union(*(partner.get(v, ()) for v in constraint.polynomial.support.tolist()))
         for v in sorted(met & set(members[clique])):
             mixed += [(number + 1, v + int(side)) for side in sides]
-        mixed += [(other + 1, number + 1) for other in linear.get(clique, ()) if met]
-        linear.setdefault(clique, []).append(number)
+        linear.setdefault(clique, []).append((number + 1, bool(met)))
+    for family in linear.values():
+        if len(family) <= _MOST_LINEAR:
+            mixed += [(one, two) for (one, _), (two, met) in combinations(family, 2) if met]
     return np.concatenate([*bounds, np.array(mixed, int).reshape(-1, 2)])
 
 

@@ -131,6 +131,17 @@ def test_useful_products_are_bounds_of_partners_and_rows_with_them():
     assert sorted(map(tuple, pairs.tolist())) == sorted(bounds | rows)
 
 
+@pytest.mark.parametrize(("rows", "count"), [(40, 40 * 39 // 2), (41, 0), (5000, 0)])
+def test_many_inequalities_are_not_multiplied_with_each_other(rows, count):
+    """Their products are quadratic in number: 12 million for 5000 rows."""
+    x = sp.variables(2)
+    problem = Problem(x[0] * x[1], [x[0] + k * x[1] >= -k for k in range(1, rows + 1)], -1, 1)
+    cliques = find_cliques(problem)
+    pairs = generators.useful_products(problem, cliques.members, cliques.home, ())
+    assert np.sum(np.all((pairs >= 1) & (pairs <= rows), axis=1)) == count
+    assert len(pairs) == 4 + 4 * rows + count  # with the bounds of both variables
+
+
 @given(st.lists(st.sampled_from(list(combinations(range(4), 2))), unique=True), st.booleans())
 @settings(max_examples=40, deadline=None)
 def test_products_of_random_problems_are_nonnegative_where_the_problem_is_feasible(edges, boxed):
