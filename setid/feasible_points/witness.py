@@ -136,7 +136,7 @@ def _least_step(
     free: NDArray[np.int64],
     scaled: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], float] | None:
-    """Unknowns and noise level of one linear program."""
+    """Unknowns and noise level of one linear program, which is not needed where all are known."""
     problem = formulation.problem
     model = np.array([origin == "model" for origin in formulation.rows.origin], bool)
     noise = np.flatnonzero(scaled[free])
@@ -146,6 +146,10 @@ def _least_step(
     )
     size = problem.upper[free][noise]
     bands = np.flatnonzero(model & ~rows.equality)
+    if not free.size and bands.size == np.count_nonzero(model) and np.all(width[bands] > 0.0):
+        # nothing is left to choose: each row needs its share of its bound
+        needed = 1.0 - rows.constant[bands] / width[bands]
+        return np.zeros(0), max(0.0, float(needed.max(initial=0.0)))
     below = sps.vstack(
         [
             sps.hstack([limits, sps.csr_array(-size[:, None])]),

@@ -17,7 +17,7 @@ import sparsepop_py as sp
 from setid.data.record import IOData
 from setid.formulation.signals import Integers, Reals, Signal
 from setid.models.equations import Equation, Initial, Term
-from sparsepop_py.budget import check
+from sparsepop_py.algebra.polynomial_rows import polynomial_rows
 
 __all__ = ["Assembled", "Planned", "assemble", "bands", "equalities", "plan", "used_samples"]
 
@@ -235,11 +235,7 @@ def _polynomials(
     words = np.concatenate([blank, assembled.letters], axis=1).astype(np.int32)
     words[values == 0.0] = 0
     words.sort(axis=2)
-    made: list[sp.Polynomial] = []
-    for row in range(rows):
-        check()
-        made.append(sp.Polynomial.from_words(words[row], values[row], len(names), names))
-    return made
+    return polynomial_rows(words, values, len(names), names)
 
 
 def equalities(

@@ -270,10 +270,12 @@ def band_width(formulation: Stated) -> NDArray[np.float64]:
     """Bound of the equation error of each row that has one eliminated, shape (m,)."""
     rows, data = formulation.rows, formulation.data
     bound = formulation.noise.bounds(data)[2]
-    width = np.zeros(len(rows.origin))
-    for row in np.flatnonzero(rows.sample > 0):
-        found = channel_of(rows.equation[row])
-        if found:
-            sample = data.starts[rows.record[row] - 1] + rows.sample[row] - 1
-            width[row] = bound[sample, found[1]]
+    width, channels = np.zeros(len(rows.origin)), {}
+    for label in set(rows.equation):
+        found = channel_of(label)
+        channels[label] = found[1] if found else -1
+    channel = np.array([channels[label] for label in rows.equation], np.int64)
+    row = np.flatnonzero((rows.sample > 0) & (channel >= 0))
+    sample = np.array(data.starts)[rows.record[row] - 1] + rows.sample[row] - 1
+    width[row] = bound[sample, channel[row]]
     return width

@@ -17,6 +17,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.parameter_box import ProvedBox, box_follows
+from sparsepop_py.algebra.polynomial_rows import polynomial_rows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
@@ -91,12 +92,15 @@ def linear_problem(formulation: Formulation) -> sp.Problem:
     """Rows abs(Y + R theta) <= s w0 and the priors, in theta and s."""
     rows, problem = formulation.regression, formulation.problem
     assert rows is not None
-    *theta, s = sp.variables(problem.dimension + 1, (*problem.names, "noise factor"))
-    lines = []
-    for y, r, w in zip(rows.target, rows.regressors, rows.radius, strict=True):
-        left = sp.total([float(y), *(float(c) * x for c, x in zip(r, theta, strict=True)), 0.0 * s])
-        lines += [float(w) * s - left >= 0, float(w) * s + left >= 0]
+    n, names = problem.dimension, (*problem.names, "noise factor")
+    left, right = np.column_stack([rows.target, rows.regressors]), rows.radius[:, None]
+    values = np.stack([np.hstack([-left, right]), np.hstack([left, right])], axis=1)
+    values = values.reshape(-1, n + 2)
+    words = np.arange(n + 2, dtype=np.int32)[:, None]
+    made = polynomial_rows(np.broadcast_to(words, (*values.shape, 1)), values, n + 1, names)
+    lines = [sp.Constraint(row, sp.Kind.NONNEGATIVE) for row in made]
     lines += [_lifted(problem, row) for row in _prior_rows(formulation)]
+    s = sp.Polynomial(words[-1:], np.ones(1), n + 1, names)
     return sp.Problem(s, lines, np.append(problem.lower, 0.0), np.append(problem.upper, inf))
 
 
