@@ -12,14 +12,14 @@ import sparsepop_py as sp
 
 MODEL = setid.TransferFunction(3, 1, 1)
 THETA = (-1.5, 0.85, -0.2, 0.7)  # poles inside the unit circle
-NOISE = setid.Noise(equation=0.02)
+NOISE = setid.Noise(equation=0.5)  # so wide that some ends are unstable
 
 
 @pytest.fixture(scope="module")
 def data() -> setid.IOData:
     """Equation errors: without the prior, linear programs settle everything exactly."""
     u = np.random.default_rng(5).uniform(-1.0, 1.0, 25)
-    return setid.simulate_record(MODEL, THETA, u, NOISE, 5).data
+    return setid.simulate_record(MODEL, THETA, u, setid.Noise(equation=0.02), 5).data
 
 
 @pytest.fixture(scope="module")
@@ -61,9 +61,9 @@ def test_forged_evidence_is_refused(
         box = setid.Box({"b1": (0.0, 0.1)})
         forged = setid.identify(data, MODEL, NOISE, box).evidence
     elif what == "other noise":
-        forged = setid.identify(data, MODEL, setid.Noise(equation=0.019)).evidence
+        forged = setid.identify(data, MODEL, setid.Noise(equation=0.49)).evidence
     elif what == "a claim of its own":
-        item = replace(fewer.intervals["b1"], outer=(0.69, 0.71))
+        item = replace(fewer.intervals["b1"], outer=(0.2, 1.2))
         forged = replace(fewer, intervals={**fewer.intervals, "b1": item})
     else:
         forged = replace(fewer, fewer_priors=fewer)
