@@ -326,6 +326,7 @@ class Result:
         return plot_result(self, ax)
 
 
+_ROUNDING = 1e-12  # a relative gap: smaller ones may be nothing else
 _OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
 
 
@@ -363,15 +364,22 @@ def _advice(result: Result) -> list[str]:
         found.append("a larger node_limit")
     if options.skip:
         found.append(f"without skip={list(options.skip)}")
+    return found + _advice_on_points(result)
+
+
+def _advice_on_points(result: Result) -> list[str]:
+    """List what concerns bounds of variables, attained points and the gap asked for."""
+    options = result.options
     if result.status is not Status.BOUNDED:
-        found.append("lower and upper bounds of all variables, or the objective as squares")
-    elif result.attained is None and options.refine == "none":
-        found.append("a local search (refine) for an attained point")
-    elif result.attained is None:
-        found.append("another starting point, as no attained point is known")
-    else:
-        found.append("tighter bounds on the variables")
-    return found
+        return ["lower and upper bounds of all variables, or the objective as squares"]
+    if result.attained is None and options.refine == "none":
+        return ["a local search (refine) for an attained point"]
+    if result.attained is None:
+        more = [] if options.search_limit is None else ["a larger search_limit"]
+        return [*more, "another starting point, as no attained point is known"]
+    if result.gap <= _ROUNDING:
+        return ["a larger gap, as rounding is all that is left of it"]
+    return ["tighter bounds on the variables"]
 
 
 def _listed(words: list[str]) -> str:
