@@ -267,6 +267,26 @@ def test_advice_names_nothing_that_was_used():
         assert result.message in result.summary()
 
 
+def test_messages_name_the_cause_of_a_missing_bound():
+    x, y = sp.variables(2)
+    disc = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    large = sp.solve(disc, Options(effort="plain", order=2, memory_limit=1.0))
+    assert large.status is Status.UNPROVED
+    assert "the relaxation is too large, as the notes say. Try" in large.message
+    assert "a lower order" in large.message
+    assert large.notes[0].startswith("the relaxation of order 2 needs more than")
+    two = {"typeCone": 1, "dimVar": 1, "noTerms": 1, "supports": [[2]], "coef": [1]}
+    param = {"SDPsolverSW": 0, "printLevel": 0}
+    built = sp.sparsePOP(two, [], [-1], [1], param).POP.result
+    assert built.message.startswith("Nothing is proved, since no relaxation was solved. Try")
+    assert "tighter bounds of all variables" in built.message  # they have bounds
+    free = sp.solve(sp.Problem(x**3 - y, [y <= x]), Options(effort="plain"))
+    assert free.status in (Status.UNPROVED, Status.UNBOUNDED)
+    assert "none follow" not in free.message
+    with pytest.raises(sp.ProblemError, match=r"Options.seed: .* expected an integer >= 0 below"):
+        Options(seed=2**70)
+
+
 def test_unbounded_problems_need_no_search(monkeypatch):
     def never(*args, **kwargs):
         raise AssertionError("a local search ran")

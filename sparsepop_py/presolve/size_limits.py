@@ -18,6 +18,7 @@ import numpy as np
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import TOO_LARGE
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -225,6 +226,6 @@ def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
 
 def _too_large(order: int, memory: float) -> tuple[str, ...]:
     return (
-        f"the relaxation of order {order} needs more than {memory / 1e9:.3g} GB; "
+        f"the relaxation of order {order} {TOO_LARGE} {memory / 1e9:.3g} GB; "
         "lower the order or exploit more sparsity",
     )
