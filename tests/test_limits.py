@@ -21,6 +21,8 @@ from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.local_search import incumbents, multistart
 from sparsepop_py.lp import highs
+from sparsepop_py.problem import generators
+from sparsepop_py.relaxation.moment import conic_rows
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.tightening.mccormick import LinearRelaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -244,6 +246,18 @@ def test_a_dense_problem_under_a_short_limit_does_something_or_says_why(monkeypa
     if result.status is not Status.OPTIMAL:
         assert any("too long for the time left: order 2" in note for note in result.notes)
     assert "effort 'auto'" not in result.message
+
+
+def test_building_a_relaxation_looks_at_the_clock():
+    problem = bilinear()
+    relaxation = sp.relax(problem, 2)
+    system = generators.stacked(problem, relaxation.products)
+    given = relaxation.groups, system, [problem.objective.words], problem.dimension
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        conic_rows(*given)
+    moments, entries = conic_rows(*given)
+    assert moments.tolist() == relaxation.moments.tolist()
+    assert entries.shape == (relaxation.rows, moments.shape[0] + 1)
 
 
 # ---- messages -------------------------------------------------------------------------------

@@ -42,6 +42,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError, check_kind, shown
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
@@ -414,11 +415,13 @@ def conic_rows(
     """
     words, values, rows, offset = [], [], [], 0
     for group in groups:
+        check()
         row, word, value = group.terms(system)
         words.append(word)
         values.append(value)
         rows.append(offset + row)
         offset += group.count * group.rows_each
+    check()
     used = sum(w.shape[0] for w in words)
     words += [np.zeros((1, 1), np.int32), *asked]
     width = max(w.shape[1] for w in words)
