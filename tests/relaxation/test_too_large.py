@@ -56,7 +56,7 @@ def test_large_orders_of_sparsepop_are_noted(param: dict[str, Any]) -> None:
     row = {"typeCone": 1, "dimVar": 10, "noTerms": 11, "supports": ball, "coef": [1] + 10 * [-1]}
     given = {"printLevel": 0, "relaxOrder": 50, "sparseSW": 0, **param}
     answer = sp.sparsePOP(objective, [row], 10 * [-1], 10 * [1], given)
-    notes = " ".join(answer.POP.result.notes)
+    notes = " ".join(answer.POP.notes)
     assert answer.POP.lowerBound <= -1  # the least value on the ball
     assert "order 50" in notes or answer.POP.status is sp.Status.OPTIMAL
 
