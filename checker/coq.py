@@ -592,7 +592,10 @@ def exponent(problem: Problem, certificates: Certificates) -> int:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the Coq file of a certificate; 1 where it is not covered."""
+    """Write the Coq file of a certificate; 1 where it is not covered, 2 for a wrong call."""
+    if len(arguments) != 3:
+        sys.stderr.write("python checker/coq.py problem.json certificate.json proof.v\n")
+        return 2
     try:
         problem, _ = problem_of(arguments[0])
         name, found = reading.content(reading.load(arguments[1]), arguments[1])

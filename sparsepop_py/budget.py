@@ -26,6 +26,7 @@ import numpy as np
 
 __all__ = [
     "EARLY",
+    "TOO_LARGE",
     "TOO_LONG",
     "Deadline",
     "LimitReached",
@@ -36,6 +37,7 @@ __all__ = [
     "spent",
 ]
 
+TOO_LARGE = "needs more than"  # in notes about relaxations that no memory is allowed for
 TOO_LONG = "too long for the time left"  # in notes about what was not begun
 _GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
 _MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that is thought of
@@ -230,6 +232,12 @@ class Deadline:
         """Seconds of CPU time left, at least a millisecond; None without such a limit."""
         cpu = self._ends(0.0)[1]
         return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
+
+    @property
+    def endless(self) -> bool:
+        """True if no limit will ever end the work."""
+        work = self._last is None or self._last == np.inf
+        return work and not self.stopped and self._ends(0.0) == (np.inf, np.inf)
 
     @property
     def over(self) -> bool:

@@ -222,10 +222,12 @@ def _add_problem_files(command: argparse.ArgumentParser) -> None:
     command.add_argument("--orders", type=int, nargs="+", metavar="D", help="of each file")
     command.add_argument("--auto", action="store_true", help="effort auto, without clocks")
     command.add_argument("--time-limit", type=float, metavar="S", help="seconds for each problem")
-    command.set_defaults(prepare=_add_files)
+    command.set_defaults(prepare=_tasks)
 
 
-def _add_files(study: Study, arguments: argparse.Namespace) -> None:
+def _tasks(arguments: argparse.Namespace) -> list[tuple[str, Problem, Options, dict[str, Any]]]:
+    """Read the files and list their tasks, as ``Study.add_all`` takes them."""
+    tasks: list[tuple[str, Problem, Options, dict[str, Any]]] = []
     found = (sorted(glob(each)) or [each] for each in arguments.files)  # not all shells do it
     for path in chain.from_iterable(found):
         problem = read(path)
@@ -241,7 +243,8 @@ def _add_files(study: Study, arguments: argparse.Namespace) -> None:
             if order is not None:
                 tags["order"] = order
             name = path if order is None else f"{path} order {order}"
-            study.add(name, problem, options, tags=tags)
+            tasks.append((name, problem, options, tags))
+    return tasks
 
 
 def _add_solve_options(command: argparse.ArgumentParser) -> None:

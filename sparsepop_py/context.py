@@ -75,6 +75,12 @@ class SolveContext:
         return self.best.value if self.best is not None else np.inf
 
     @property
+    def attains(self) -> bool:
+        """True if a search may still attain a point."""
+        limit = self.options.search_limit
+        return self.options.refine != "none" and (limit is None or self.stages.searched < limit)
+
+    @property
     def allowed(self) -> float:
         """The gap that counts as closed, in units of the objective."""
         if self.unit is not None:

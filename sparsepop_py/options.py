@@ -206,7 +206,8 @@ class Options:
         for name, (least, expected) in _INTEGERS.items():
             value = getattr(self, name)
             if not _is_integer(value, least) and not (value is None and name in _OPTIONAL):
-                raise self._wrong(name, expected)
+                huge = isinstance(value, numbers.Integral) and int(value) >= 2**63
+                raise self._wrong(name, f"{expected} below 2^63" if huge else expected)
         for name, expected in _NUMBERS.items():
             value = getattr(self, name)
             if not _is_number(value, expected) and not (value is None and name in _OPTIONAL):

@@ -37,6 +37,7 @@ from sparsepop_py.local_search.incumbents import (
 )
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
+from sparsepop_py.presolve.size_limits import check_degrees
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.problem.rounding import note as rounding_note
@@ -384,6 +385,7 @@ def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> 
             raise ProblemError(
                 f"objectives[{number}]: expected a Polynomial in {problem.dimension} variables"
             )
+    check_degrees(problem, objectives)
     if options.gap_kind == "width":
         paired = pairs(objectives)
         for number in range(len(objectives)):
@@ -410,6 +412,7 @@ def _check_problem(problem: Problem, options: Options) -> None:
             raise ProblemError(
                 f"Options.branch_on: found {v}, expected numbers below {problem.dimension}"
             )
+    check_degrees(problem)
 
 
 def _with_widths(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import TOO_LONG
+from sparsepop_py.budget import TOO_LARGE, TOO_LONG
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
@@ -58,9 +58,8 @@ _MESSAGES = {
     Status.OPTIMAL: "The proved bound and the attained value agree within the gap asked for.",
     Status.BOUNDED: "The bound is proved, the gap is open.",
     Status.UNPROVED: (
-        "No finite bound is proved: some variable has no finite bounds and none follow from "
-        "the constraints or the objective. The objective may even fall without limit, which is "
-        "proved along straight lines only."
+        "No finite bound is proved: for some variable no finite bounds are given or were found. "
+        "The objective may even fall without limit, which is proved along straight lines only."
     ),
     Status.INFEASIBLE: "It is proved that no point satisfies the constraints.",
     Status.UNBOUNDED: "It is proved that the objective falls without limit along a feasible ray.",
@@ -225,7 +224,8 @@ class Result:
                 return f"{_limits(self.options)} is too short for what the notes name; {found}."
             return f"{_limits(self.options)} ended the work; {found}."
         advice = _advice(self) if self.status in _OPEN else []
-        return f"{self.status.message} Try {_listed(advice)}." if advice else self.status.message
+        meaning = _meaning(self)
+        return f"{meaning} Try {_listed(advice)}." if advice else meaning
 
     def summary(self) -> str:
         """Describe the result in a few lines of text.
@@ -326,6 +326,7 @@ class Result:
         return plot_result(self, ax)
 
 
+_ROUNDING = 1e-12  # a relative gap: smaller ones may be nothing else
 _OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
 
 
@@ -350,6 +351,19 @@ def _limits(options: Options) -> str:
     return "The " + " or the ".join(named) if named else "A limit"
 
 
+def _meaning(result: Result) -> str:
+    """Return the sentence of a status, for UNPROVED why nothing is proved."""
+    if result.status is Status.UNPROVED and _too_large(result):
+        return "No finite bound is proved: the relaxation is too large, as the notes say."
+    if result.status is Status.UNPROVED and not result.history and result.solution is None:
+        return "Nothing is proved, since no relaxation was solved."
+    return result.status.message
+
+
+def _too_large(result: Result) -> bool:
+    return any(TOO_LARGE in note for note in result.notes)
+
+
 def _advice(result: Result) -> list[str]:
     """List what to try after a run that left the gap open."""
     options, found = result.options, []
@@ -363,15 +377,26 @@ def _advice(result: Result) -> list[str]:
         found.append("a larger node_limit")
     if options.skip:
         found.append(f"without skip={list(options.skip)}")
+    return found + _advice_on_points(result)
+
+
+def _advice_on_points(result: Result) -> list[str]:
+    """List what concerns bounds of variables, attained points and the gap asked for."""
+    options = result.options
     if result.status is not Status.BOUNDED:
-        found.append("lower and upper bounds of all variables, or the objective as squares")
-    elif result.attained is None and options.refine == "none":
-        found.append("a local search (refine) for an attained point")
-    elif result.attained is None:
-        found.append("another starting point, as no attained point is known")
-    else:
-        found.append("tighter bounds on the variables")
-    return found
+        problem = result.problem
+        bounded = bool(np.all(np.isfinite(problem.lower) & np.isfinite(problem.upper)))
+        bounds = "tighter bounds" if bounded else "lower and upper bounds"
+        lower = ["a lower order"] if _too_large(result) and options.order is not None else []
+        return [*lower, f"{bounds} of all variables, or the objective as squares"]
+    if result.attained is None and options.refine == "none":
+        return ["a local search (refine) for an attained point"]
+    if result.attained is None:
+        more = [] if options.search_limit is None else ["a larger search_limit"]
+        return [*more, "another starting point, as no attained point is known"]
+    if result.gap <= _ROUNDING:
+        return ["a larger gap, as rounding is all that is left of it"]
+    return ["tighter bounds on the variables"]
 
 
 def _listed(words: list[str]) -> str:

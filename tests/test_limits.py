@@ -21,6 +21,8 @@ from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.local_search import incumbents, multistart
 from sparsepop_py.lp import highs
+from sparsepop_py.problem import generators
+from sparsepop_py.relaxation.moment import conic_rows
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.tightening.mccormick import LinearRelaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -246,6 +248,18 @@ def test_a_dense_problem_under_a_short_limit_does_something_or_says_why(monkeypa
     assert "effort 'auto'" not in result.message
 
 
+def test_building_a_relaxation_looks_at_the_clock():
+    problem = bilinear()
+    relaxation = sp.relax(problem, 2)
+    system = generators.stacked(problem, relaxation.products)
+    given = relaxation.groups, system, [problem.objective.words], problem.dimension
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        conic_rows(*given)
+    moments, entries = conic_rows(*given)
+    assert moments.tolist() == relaxation.moments.tolist()
+    assert entries.shape == (relaxation.rows, moments.shape[0] + 1)
+
+
 # ---- messages -------------------------------------------------------------------------------
 
 
@@ -265,6 +279,26 @@ def test_advice_names_nothing_that_was_used():
     assert "skip" in few.message
     for result in (plain, presolve, few):
         assert result.message in result.summary()
+
+
+def test_messages_name_the_cause_of_a_missing_bound():
+    x, y = sp.variables(2)
+    disc = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    large = sp.solve(disc, Options(effort="plain", order=2, memory_limit=1.0))
+    assert large.status is Status.UNPROVED
+    assert "the relaxation is too large, as the notes say. Try" in large.message
+    assert "a lower order" in large.message
+    assert large.notes[0].startswith("the relaxation of order 2 needs more than")
+    two = {"typeCone": 1, "dimVar": 1, "noTerms": 1, "supports": [[2]], "coef": [1]}
+    param = {"SDPsolverSW": 0, "printLevel": 0}
+    built = sp.sparsePOP(two, [], [-1], [1], param).POP.result
+    assert built.message.startswith("Nothing is proved, since no relaxation was solved. Try")
+    assert "tighter bounds of all variables" in built.message  # they have bounds
+    free = sp.solve(sp.Problem(x**3 - y, [y <= x]), Options(effort="plain"))
+    assert free.status in (Status.UNPROVED, Status.UNBOUNDED)
+    assert "none follow" not in free.message
+    with pytest.raises(sp.ProblemError, match=r"Options.seed: .* expected an integer >= 0 below"):
+        Options(seed=2**70)
 
 
 def test_unbounded_problems_need_no_search(monkeypatch):

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 Words = NDArray[np.int32]
 LARGEST_POWER = 1_000_000  # words are as long as the degree
+LARGEST_PRODUCT = 500_000_000  # letters of all words of a product, of 4 bytes
 _ONE = np.ones(1)
 
 __all__ = [
     "LARGEST_POWER",
+    "LARGEST_PRODUCT",
     "Words",
     "are_exponents",
     "collect",

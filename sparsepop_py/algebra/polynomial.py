@@ -597,6 +597,7 @@ class Polynomial:
         right = self._operand(other)
         if right is None:
             return NotImplemented
+        self._check_product(right)
         grid = self._product_grid(right)
         if grid is None:
             terms = self._terms().times(right._terms(), self.dimension)
@@ -606,6 +607,22 @@ class Polynomial:
         words = words.reshape(values.size, words.shape[-1])
         names = self.names or right.names
         return Polynomial._on_grid_merged(words, values.ravel(), self.dimension, names, grid)
+
+    def _check_product(self, right: Polynomial) -> None:
+        """Check before multiplying that a product has not too many or too long terms."""
+        (left_terms, left_width), (right_terms, right_width) = self.words.shape, right.words.shape
+        if left_width + right_width > monomials.LARGEST_POWER:
+            raise ProblemError(
+                f"product: found degree {left_width + right_width}, expected at most "
+                f"{monomials.LARGEST_POWER}"
+            )
+        letters = left_terms * right_terms * (left_width + right_width)
+        if letters > monomials.LARGEST_PRODUCT:
+            raise ProblemError(
+                f"product: found {left_terms} terms of degree {self.degree} times {right_terms} "
+                f"of degree {right.degree}, which take {4e-9 * letters:.2g} GB, expected at most "
+                f"{4e-9 * monomials.LARGEST_PRODUCT:g} GB"
+            )
 
     def _product_grid(self, right: Polynomial) -> Grid | None:
         """Find a grid on which doubles hold the product, None if there is none."""

@@ -154,7 +154,7 @@ def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | Non
         scaled = Scaled.of(problem, Scaling.of_box(bare.box), (problem.objective,))
         objectives, order = scaled.objectives, least_order(problem)
         cliques = find_cliques(scaled.problem, options.sparse, options.chordal, objectives)
-        if not worth_building(cliques, order):
+        if not worth_building(scaled.problem, cliques, order, options.memory_limit):
             return None
         if largest_basis(cliques, order) <= BOUNDING.few_monomials:
             return None

@@ -25,8 +25,8 @@ def add_study(commands: Any, study: type[BaseStudy]) -> argparse.ArgumentParser:
     Returns
     -------
     argparse.ArgumentParser
-        Of ``study run``. Its default ``prepare`` may be set to a function of the study and the
-        arguments that adds tasks.
+        Of ``study run``. Its default ``prepare`` may be set to a function of the arguments that
+        returns tasks for ``add_all``.
     """
     text = "run, watch and export studies: many problems in one file"
     command = add_command(commands, "study", text)
@@ -55,9 +55,10 @@ def _run(arguments: argparse.Namespace) -> int:
     new = arguments.prepare is not None and arguments.files
     if not new:
         _expect(arguments.study, arguments.study_type)
+    tasks = arguments.prepare(arguments) if new else []  # wrong input leaves no study behind
     study = arguments.study_type(arguments.study)
-    if new:
-        arguments.prepare(study, arguments)
+    if tasks:
+        study.add_all(tasks)
     status = study.run(arguments.workers, retry=arguments.retry)
     print(f"{arguments.study}: {status}")
     return 0 if status.done == status.total else 1

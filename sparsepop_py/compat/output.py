@@ -93,6 +93,11 @@ class POPOutput:
     zeta: list[float] | None = None
     violation: float | None = None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was done and what a proof lacks, those of ``result``."""
+        return self.result.notes
+
 
 @dataclass(frozen=True)
 class CpuTime:
@@ -341,7 +346,7 @@ def _fields(value: Any) -> dict[str, Any]:
     found = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, POPOutput):
         del found["result"]
-        found["notes"] = cell(value.result.notes)
+        found["notes"] = cell(value.notes)
     return found
 
 

@@ -65,7 +65,7 @@ def _lines(output: SparsePOPOutput, source: Any, level: int) -> Iterator[str]:
     if level > 1:
         yield from _vector("POP.xVect", output.POP.xVect)
         yield from _vector("POP.xVectL", output.POP.xVectL)
-    for note in output.POP.result.notes:
+    for note in output.POP.notes:
         yield f"# note: {note}"
 
 

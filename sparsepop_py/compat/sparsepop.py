@@ -38,6 +38,7 @@ from sparsepop_py.local_search.incumbents import search_incumbent
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
+from sparsepop_py.presolve.size_limits import check_degrees
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import Stages
@@ -282,7 +283,8 @@ def sparsePOP(
 
 
 def _check_sizes(parameters: Parameters, problem: Problem) -> None:
-    """Check parameters that depend on the number of variables."""
+    """Check degrees, and parameters that depend on the number of variables."""
+    check_degrees(problem)
     factor, n = parameters.multiCliquesFactor, problem.dimension
     if n < factor < np.inf:
         raise ProblemError(

@@ -73,7 +73,7 @@ def search_incumbent(
         All nearly feasible vectors seen, by value.
     """
     options = context.options
-    if options.refine == "none" or not starts or _used_up(context):
+    if not starts or not context.attains:
         return None, []
     rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
     gain = _GAIN * context.allowed if rough else 0.0  # more points follow while the bound improves
@@ -87,12 +87,6 @@ def search_incumbent(
 
 def _method(context: SolveContext) -> str | None:
     return None if context.options.refine == "scipy" else context.options.refine
-
-
-def _used_up(context: SolveContext) -> bool:
-    """Check whether local searches have had all that they may take."""
-    limit = context.options.search_limit
-    return limit is not None and context.stages.searched >= limit
 
 
 def _end(context: SolveContext) -> float:
@@ -143,7 +137,7 @@ def first_incumbent(
     vectors : list of (n,) float
         All nearly feasible vectors seen.
     """
-    if context.options.refine == "none" or _used_up(context):
+    if not context.attains:
         return context, []
     if context.repair is not None:
         starts = (x for start in starts for x in _with_repaired(context, [start]))

@@ -213,7 +213,7 @@ def _sublevel_on(
     least = least_order(scaled.problem)
     solver = "clarabel" if options.solver == "auto" else options.solver  # unbounded moments
     for order in (least, least + 1) if scale == 1.0 else (least,):
-        if not worth_building(cliques, order):
+        if not worth_building(scaled.problem, cliques, order, options.memory_limit):
             break
         relaxation = relax(scaled.problem, order, cliques=cliques)
         if not affordable(relaxation, options.memory_limit):

@@ -2,9 +2,10 @@
 
 An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2 bytes,
 r being the number s (s + 1) / 2 of entries of each semidefinite block and c the number of
-moments of each clique. The lean form of a relaxation often gives the same bound at a tenth of
-that, so it goes first, and stays alone where the full form is too large. Where even it does
-not fit, the order is lowered. Each change is noted; every bound stays proved.
+moments of each clique. Building takes memory for the products of the largest clique's
+monomials, words as long as their degree. The lean form of a relaxation often gives the same
+bound at a tenth of that, so it goes first, and stays alone where the full form is too large.
+Where even it does not fit, the order is lowered. Each change is noted; every bound stays proved.
 """
 
 from __future__ import annotations
@@ -17,15 +18,20 @@ import numpy as np
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import TOO_LARGE
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.basis import MOST_BYTES, building_bytes
 from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
 from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = [
+    "LARGEST_DEGREE",
     "LEAN",
     "affordable",
+    "check_degrees",
     "fitting_relaxations",
     "largest_basis",
     "solver_bytes",
@@ -36,6 +42,7 @@ LEAN = "bounds enter linearly"  # how the note begins where only the lean form f
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form takes no time
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
+LARGEST_DEGREE = 2000  # of a problem; above, arithmetic with its powers has no end in sight
 
 
 Fitting = tuple[tuple[Relaxation, ...], tuple[str, ...]]  # what is to be tried, and notes
@@ -47,9 +54,35 @@ def solver_bytes(relaxation: Relaxation) -> float:
     return float(sum(12.0 * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items()))
 
 
-def worth_building(cliques: Cliques, order: int) -> bool:
+def check_degrees(problem: Problem, objectives: Sequence[Polynomial] = ()) -> None:
+    """Check before any work that no degree is too large.
+
+    Raises
+    ------
+    ProblemError
+        If one is above ``LARGEST_DEGREE``; the message names the polynomial.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> check_degrees(sp.Problem(x, [x**5000 <= 1]))
+    Traceback (most recent call last):
+    ...
+    sparsepop_py.errors.ProblemError: constraints[0]: found degree 5000, expected at most 2000
+    """
+    named = [("objective", problem.objective.degree)]
+    named += [(f"objectives[{k}]", f.degree) for k, f in enumerate(objectives)]
+    named += [(f"constraints[{k}]", c.degree) for k, c in enumerate(problem.constraints)]
+    for name, degree in named:
+        if degree > LARGEST_DEGREE:
+            raise ProblemError(f"{name}: found degree {degree}, expected at most {LARGEST_DEGREE}")
+
+
+def worth_building(problem: Problem, cliques: Cliques, order: int, memory: float) -> bool:
     """Check that the basis of the largest clique is small enough to build the relaxation."""
-    return largest_basis(cliques, order) <= _BASIS
+    small = largest_basis(cliques, order) <= _BASIS
+    return small and building_bytes(problem, cliques, order) <= min(memory, MOST_BYTES)
 
 
 def largest_basis(cliques: Cliques, order: int) -> int:
@@ -108,6 +141,9 @@ def fitting_relaxations(
     least = least_order(problem, objectives)
     asked, memory = options.order or least, options.memory_limit
     if options.switches is not None:
+        order = max(int(options.switches.order or least), least)
+        if building_bytes(problem, cliques, order) > min(memory, MOST_BYTES):
+            return (), _too_large(order, memory)
         whole = plain_relaxation(problem, cliques, objectives, options.switches)
         fits = solver_bytes(whole) <= memory
         return ((whole,), whole.notes) if fits else ((), _too_large(whole.order, memory))
@@ -123,30 +159,36 @@ def fitting_relaxations(
         products=constrained and not plain,
         terms="none" if constrained or plain else "sign",
     )
-    largest, top = max(len(c) for c in cliques.members), max(asked, least)
+    top = max(asked, least)
     if plain:
-        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > memory:
-            return (), _too_large(asked, memory)
-        return (full,), notes
-    fitting, order = _fitting(build, largest, memory, top), top
+        if not worth_building(problem, cliques, top, memory):
+            return (), _too_large(top, memory)
+        full = build(top)
+        return ((full,), notes) if solver_bytes(full) <= memory else ((), _too_large(top, memory))
+    fitting_of = partial(_fitting, build, problem, cliques, memory)
+    fitting, order = fitting_of(top), top
     if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
-        fitting, order = _largest_that_fits(partial(_fitting, build, largest, memory), least, top)
+        fitting, order = _largest_that_fits(fitting_of, least, top)
     if not fitting[0]:
-        return (), _too_large(asked, memory)
+        return (), _too_large(top, memory)
     if order < top:
         notes += (f"order {asked} lowered to {order}: it would be too large",)
     return fitting[0], notes + fitting[1]
 
 
-def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
+def _fitting(
+    build: Callable[..., Relaxation], problem: Problem, cliques: Cliques, memory: float, order: int
+) -> Fitting:
     """Build the forms of one order that fit the size limits.
 
     Where the block of the largest clique alone is too large, no form is built.
     """
-    basis = comb(largest + order, order)
-    blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
-    least = blocks * _entries(basis // blocks) ** 3 / 3.0
-    if basis > _BASIS or least > _OPERATIONS:
+    if not worth_building(problem, cliques, order, memory):
+        return _NOTHING
+    # as many blocks as sign symmetry makes of a basis, at most
+    blocks = 2 ** max(len(c) for c in cliques.members)
+    least = blocks * _entries(largest_basis(cliques, order) // blocks) ** 3 / 3.0
+    if least > _OPERATIONS:
         return _NOTHING
     full = build(order)
     bounded = np.isfinite(full.problem.lower) | np.isfinite(full.problem.upper)
@@ -184,6 +226,6 @@ def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
 
 def _too_large(order: int, memory: float) -> tuple[str, ...]:
     return (
-        f"the relaxation of order {order} needs more than {memory / 1e9:.3g} GB; "
+        f"the relaxation of order {order} {TOO_LARGE} {memory / 1e9:.3g} GB; "
         "lower the order or exploit more sparsity",
     )

@@ -10,6 +10,7 @@ monomials is sound, since fewer monomials only make a relaxation weaker.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,33 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
+__all__ = ["MOST_BYTES", "Bases", "building_bytes", "by_size", "clique_bases", "reduced_bases"]
 
 Bases = list[tuple[NDArray[np.int64], Words]]
+MOST_BYTES = 1e10  # of building; what needs more is beyond any solver
+_LETTER_BYTES = 35.0  # measured, for each letter of the products of a basis
+
+
+def building_bytes(problem: Problem, cliques: Cliques, order: int) -> float:
+    """Estimate the memory in bytes that building the largest clique's block takes.
+
+    Its products are words as long as their degree.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> problem = sp.Problem(x**2)
+    >>> cliques = sp.find_cliques(problem)
+    >>> [f"{building_bytes(problem, cliques, order) / 1e9:.2g}" for order in (50, 5000)]
+    ['0.0046', '4.4e+03']
+    """
+    free = problem.lower != problem.upper
+    variables = max(int(free[list(clique)].sum()) for clique in cliques.members)
+    basis = float(min(comb(variables + order, order), 10**18))
+    return _LETTER_BYTES * order * basis * (basis + 1.0)
 
 
 def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray[Any], degree: int) -> Bases:

@@ -42,10 +42,12 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError, check_kind, shown
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.basis import MOST_BYTES, building_bytes
 from sparsepop_py.relaxation.blocks import BlockGroup, block_groups, stacked_groups
 from sparsepop_py.relaxation.shapes import shaped_blocks
 from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
@@ -273,7 +275,7 @@ def relax(
     Raises
     ------
     ProblemError
-        If ``terms`` is unknown.
+        If ``terms`` is unknown, or the relaxation is far too large for any solver.
 
     References
     ----------
@@ -304,6 +306,7 @@ def relax(
     pairs = _products(problem, cliques, objectives, shape, products)
     system = generators.stacked(problem, pairs)
     if shape == "full":
+        _check_size(problem, cliques, order)
         groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
     else:
         groups = stacked_groups(shaped_blocks(shape, problem, cliques, system, objectives))
@@ -314,6 +317,16 @@ def relax(
         groups = term_sparse(groups, system, support, problem.dimension, terms)
     moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
+
+
+def _check_size(problem: Problem, cliques: Cliques, order: int) -> None:
+    """Check before any work that a relaxation is not too large to be built."""
+    needed = building_bytes(problem, cliques, order)
+    if needed > MOST_BYTES:
+        raise ProblemError(
+            f"order: found {order}, whose relaxation takes about {needed / 1e9:.2g} GB to build, "
+            f"expected at most {MOST_BYTES / 1e9:g} GB"
+        )
 
 
 def shape_sizes(
@@ -402,11 +415,13 @@ def conic_rows(
     """
     words, values, rows, offset = [], [], [], 0
     for group in groups:
+        check()
         row, word, value = group.terms(system)
         words.append(word)
         values.append(value)
         rows.append(offset + row)
         offset += group.count * group.rows_each
+    check()
     used = sum(w.shape[0] for w in words)
     words += [np.zeros((1, 1), np.int32), *asked]
     width = max(w.shape[1] for w in words)

@@ -120,6 +120,7 @@ class AdaptiveSearch:
         self.first_bound = self.best.proved.bound
         self.shared_model, self.first_box = self.model, self.model.box
         self._put_off = False
+        self._gained = -np.inf, 0  # the bound when it last gained, and the nodes of the tree then
         self.tried: list[tuple[RelaxationSpec, float, float]] = []  # relaxation, bound, seconds
 
     @property
@@ -275,9 +276,8 @@ class AdaptiveSearch:
         if "branch" in self.context.options.skip:
             return None
         if self.search is not None:
-            if self.search.done or (limit is not None and self.search.seen >= limit):
-                return None
-            return self.rate
+            over = limit is not None and self.search.seen >= limit
+            return None if over or self.search.done or self._idle(self.search) else self.rate
         if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen = self.shared_state.cost_model
@@ -285,6 +285,29 @@ class AdaptiveSearch:
             return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
         node = max(1e-2, min(self.costs))
         return 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+
+    def _idle(self, search: Search) -> bool:
+        """Check that a tree which nothing else ends has doubled in vain.
+
+        Nothing ends it where no limit is given and the gap cannot close: without a way to attain
+        a point, or where rounding is all that is left of the gap.
+        """
+        options, upper = self.context.options, self.context.upper
+        if options.node_limit is not None or not self.context.deadline.endless:
+            return False
+        if np.isfinite(upper):
+            stays_open = self._gap <= STRATEGY.rounding * max(1.0, abs(upper))
+        else:
+            stays_open = not self.context.attains
+        nodes = self._gained[1]
+        return stays_open and search.seen - nodes >= max(STRATEGY.idle_nodes, nodes)
+
+    def _note_gain(self, search: Search) -> None:
+        """Note where the bound has gained what counts as a gap, and more than rounding."""
+        bound = max(self.bound, search.bound)
+        least = max(self.context.allowed, STRATEGY.rounding * max(1.0, abs(bound)))
+        if bound - self._gained[0] > least:
+            self._gained = bound, search.seen
 
     # ---- one step -----------------------------------------------------------------------------
 
@@ -499,7 +522,8 @@ class AdaptiveSearch:
         search, limit = self.search, self.context.options.node_limit
 
         def stop() -> bool:
-            late = self.context.deadline.now() - start > slice_
+            self._note_gain(search)
+            late = self.context.deadline.now() - start > slice_ or self._idle(search)
             return late or search.context.deadline.over or search.context.closed(search.bound)
 
         nodes = 10**9 if limit is None else limit - search.seen

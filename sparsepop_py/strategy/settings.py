@@ -27,6 +27,8 @@ class StrategySettings:
         The same for the first linear program, whose prices prove something at any time.
     patience_nodes : int
         Nodes after which linear programs alone are not trusted to close the gap.
+    idle_nodes : int
+        Nodes without gain, at least, that end a tree which neither a limit nor a closed gap can.
     sweeps : int
         Sweeps of propagation after a step that tightened the box.
     obbt_rounds : int
@@ -113,6 +115,7 @@ class StrategySettings:
     over_time: float = 2.0
     stopped_program: float = 20.0
     patience_nodes: int = 300
+    idle_nodes: int = 500
     sweeps: int = 3
     obbt_rounds: int = 3
     poor_cutoff: float = 0.5

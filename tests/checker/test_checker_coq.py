@@ -123,6 +123,11 @@ def test_coq_refuses_larger_claims_and_other_problems(tmp_path):
     assert not accepted(stronger, tmp_path / "stronger.v")
 
 
+def test_a_call_without_all_files_says_what_is_expected(capsys):
+    assert coq.main(["problem.json"]) == 2
+    assert "problem.json certificate.json proof.v" in capsys.readouterr().err
+
+
 def test_what_is_not_covered_is_said():
     for group, name in (("chains", "chained_singular-8-expanded"), ("matrices", "1")):
         text = solved(group, FEW[group]).get(name)

@@ -411,6 +411,21 @@ def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -
     assert len(list(Path("results").iterdir())) == 2
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [["square.txt", "none.txt"], ["square.txt", "ratio.txt"], ["square.txt", "--orders", "1", "0"]],
+)
+def test_wrong_files_leave_no_study_behind(
+    wrong: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("square.txt").write_text("min x1^2 - x1; s.t. x1 >= 0")
+    Path("ratio.txt").write_text("min x1 / (1 + x1^2)")
+    before = sorted(Path().iterdir())
+    assert main(["study", "run", "a.study", *wrong]) == 2
+    assert sorted(Path().iterdir()) == before
+
+
 # ---- setid ---------------------------------------------------------------------------------------
 
 
