@@ -44,7 +44,10 @@ def building_bytes(problem: Problem, cliques: Cliques, order: int) -> float:
     ['0.0046', '4.4e+03']
     """
     free = problem.lower != problem.upper
-    variables = max(int(free[list(clique)].sum()) for clique in cliques.members)
+    if np.all(free):
+        variables = max(map(len, cliques.members))
+    else:
+        variables = max(int(free[list(clique)].sum()) for clique in cliques.members)
     basis = float(min(comb(variables + order, order), 10**18))
     return _LETTER_BYTES * order * basis * (basis + 1.0)
 
