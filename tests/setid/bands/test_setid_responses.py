@@ -154,3 +154,15 @@ def test_results_hand_the_time_of_bands_on(result: setid.Identification) -> None
     assert np.all(hurried.low <= whole.nominal) and np.all(whole.nominal <= hurried.high)
     outputs = result.simulate(time_limit=0.0)
     assert all(report.cells == 1 for report in outputs.reports)
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 15])
+def test_a_step_of_any_length_has_a_band_where_nothing_is_fed_back(length: int) -> None:
+    """y_k = b2 u_(k-2) + e with u = 2, y = 2 and abs(e) <= .1: b2 is in [.95, 1.05]."""
+    data = setid.IOData([2.0, 0.0, 0.0, 2.0], [0.0, 0.0, 2.0, 0.0])
+    found = setid.identify(data, setid.TransferFunction(0, 1, 2), setid.Noise(equation=0.1))
+    band = step_band(found, length)
+    low, high = ([*[0.0] * 2, *[0.95] * 13][:length], [*[0.0] * 2, *[1.05] * 13][:length])
+    assert band.low == pytest.approx(low) and band.high == pytest.approx(high)
+    assert band.later == (-np.inf, np.inf)
+    assert step_band(found, length, all_time=True).later[1] == pytest.approx(1.05)
