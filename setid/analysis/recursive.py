@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, natural, real_array
+from setid.data.checks import FrozenMapping, natural, number, real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning
@@ -165,7 +165,9 @@ class Recursive:
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
         self.window = None if window is None else natural(window, "window", SetidError, least=1)
-        self.Ts = float(Ts)
+        self.Ts = number(Ts, "Ts", DataError)
+        if not 0 < self.Ts < inf:
+            raise DataError(f"Ts: found {Ts!r}, expected a positive number")
         self._executor = executor
         self._lag = max(equation.lag for equation in self.model.regression())
         self.restart()

@@ -13,7 +13,7 @@ from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow
@@ -157,6 +157,7 @@ def step_band(
     >>> [round(x, 2) for x in band.later]  # from the fourth sample on, for ever
     [2.85, 4.15]
     """
+    check_result(result)
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)
     channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)

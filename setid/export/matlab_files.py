@@ -12,7 +12,7 @@ import numpy as np
 from setid.errors import ModelError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Transfer
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
@@ -44,6 +44,7 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     >>> scipy.io.loadmat(path)["outer"].round(4).tolist()
     [[-0.5233, -0.3453], [1.9167, 2.1093]]
     """
+    check_result(result)
     result.require_members()
     formulation, items = result.formulation, result.intervals.values()
     none = (np.nan, np.nan)

@@ -20,7 +20,7 @@ from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.printing import rounded
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid
@@ -119,6 +119,7 @@ def to_control(
     >>> models.label, len(models.vertices)
     ('sampled', 3)
     """
+    check_result(result)
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)
