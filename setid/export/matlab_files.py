@@ -14,6 +14,7 @@ from setid.feasible_points.best import best
 from setid.feasible_points.members import nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Transfer
+from setid.simulation.responses import transfer_of
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
 from sparsepop_py.files import write_text
@@ -113,7 +114,8 @@ def ureal_script(result: FeasibleSet) -> str:
     formulation = result.formulation
     model = formulation.model
     pairs = [
-        [model.transfer(i + 1, j + 1) for j in range(model.inputs)] for i in range(model.outputs)
+        [transfer_of(model, i + 1, j + 1) for j in range(model.inputs)]
+        for i in range(model.outputs)
     ]
     used = [name for row in pairs for t in row for name in (*t.denominator, *t.numerator)]
     for name in used:
