@@ -21,7 +21,7 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     result : Identification
         Or whatever else has ``evidence``.
     data : IOData, optional
-        The record; the one that was stored in the result when left out.
+        The record, without samples that were held out; the one that was stored when left out.
 
     Returns
     -------
