@@ -281,7 +281,8 @@ def consistency(
         raise NoiseError("noise: found no positive bound, expected one that can be scaled")
     given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
-    if formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1]):
+    linear = formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1])
+    if linear and formulation.problem.dimension == len(formulation.parameters):
         return _exactly(formulation, noise)
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, until)

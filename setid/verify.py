@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from setid.data.record import IOData
+from setid.errors import SetidError
 from setid.proofs.evidence import Claimed, Verification
 from setid.proofs.verification import verify as verify_evidence
 
@@ -20,7 +21,7 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     result : Identification
         Or whatever else has ``evidence``.
     data : IOData, optional
-        The record; the one that was stored in the result when left out.
+        The record, without samples that were held out; the one that was stored when left out.
 
     Returns
     -------
@@ -39,6 +40,8 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     >>> setid.verify(result, other).reason
     'the result belongs to other data'
     """
+    if not hasattr(result, "evidence"):
+        raise SetidError(f"result: found {type(result).__name__}, expected Identification")
     claims, held = result.evidence, getattr(result, "holdout", None)
     verdict = verify_evidence(claims, data)
     if verdict and held is not None:  # an identification with samples that were held out

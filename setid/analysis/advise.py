@@ -460,7 +460,7 @@ def excitation(
     ('a1', 'b1')
     """
     outputs = simulate(model, theta, u)
-    inputs = np.asarray(u, float).reshape(len(outputs), -1)
+    inputs = np.asarray(u, float).reshape(len(outputs), model.inputs)
     with warnings.catch_warnings():  # widths say what an input does not excite
         warnings.simplefilter("ignore", SetidWarning)
         formulation = formulate(IOData(inputs, outputs), model, noise)

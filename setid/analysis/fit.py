@@ -310,8 +310,9 @@ def _convex(rows: Regression, norm: Norm) -> tuple[Reals, Reals]:
     """A minimiser of |Y + R theta|, and multipliers (R,) that nearly prove it."""
     y, a = rows.target, rows.regressors
     if norm == "l2":
-        theta = -np.linalg.lstsq(a, y, rcond=None)[0]
-        return np.asarray(theta, np.float64), np.asarray(y + a @ theta, np.float64)
+        scaled, size = _in_units(a)
+        theta = -np.linalg.lstsq(scaled, y, rcond=None)[0]
+        return theta / size, np.asarray(y + scaled @ theta, np.float64)
     count, p = a.shape
     size = sps.csr_array(np.ones((count, 1))) if norm == "linf" else sps.eye_array(count).tocsr()
     dense = sps.csr_array(a)
@@ -325,25 +326,25 @@ def _convex(rows: Regression, norm: Norm) -> tuple[Reals, Reals]:
         return theta, np.abs(found.dual[:count]) - np.abs(found.dual[count : 2 * count])
     errors = y + a @ theta  # a vertex: the signs of errors, and what balances them where it is zero
     signs = np.sign(errors)
-    signs[np.argsort(np.abs(errors))[:p]] = 0.0
+    signs[np.argsort(np.abs(errors))[: _independent(a).size]] = 0.0
     return theta, signs
 
 
 def _corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
     """Rational multipliers near given ones with R'lambda = 0, by changes at p rows."""
-    a, p = rows.regressors, rows.regressors.shape[1]
+    a = rows.regressors
+    a = a[:, _independent(a)]  # a sum of columns is orthogonal where these are
+    p = a.shape[1]
     values = [Fraction(float(v)) for v in dual]
     size = np.abs(dual)
     if norm == "l1":  # change those that are not at their bound
         weight = np.where(size > 0, 1e-6, 1.0)
     else:
         weight = size + 1e-3 * size.max(initial=1e-300)
-    _, upper, order = scipy.linalg.qr((a * weight[:, None]).T, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(upper))
-    rank = int(np.sum(diagonal > 1e-12 * diagonal.max(initial=1e-300)))
-    if rank < p:
+    order = _by_size((_in_units(a)[0] * weight[:, None]).T)
+    if order.size < p:
         return Multipliers(())
-    pivots = order[:p].tolist()
+    pivots = order.tolist()
     left = [
         sum((v * Fraction(float(a[k, i])) for k, v in enumerate(values) if v), Fraction(0))
         for i in range(p)
@@ -352,6 +353,26 @@ def _corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
     for place, change in zip(pivots, _solved(matrix, [-v for v in left]), strict=True):
         values[place] += change
     return Multipliers(tuple(values))
+
+
+def _in_units(matrix: Reals) -> tuple[Reals, Reals]:
+    """Divide columns by their largest sizes; return both."""
+    size = np.abs(matrix).max(axis=0, initial=0.0)
+    size = np.where(size > 0, size, 1.0)
+    return np.asarray(matrix / size, np.float64), size
+
+
+def _by_size(matrix: Reals) -> NDArray[np.int64]:
+    """Choose independent columns, those first that are far from the span of others."""
+    _, upper, order = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(upper))
+    rank = int(np.sum(diagonal > 1e-12 * diagonal.max(initial=1e-300)))
+    return np.asarray(order[:rank], np.int64)
+
+
+def _independent(matrix: Reals) -> NDArray[np.int64]:
+    """Choose columns that span all of them."""
+    return np.sort(_by_size(_in_units(matrix)[0]))
 
 
 def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, natural, real_array
+from setid.data.checks import FrozenMapping, natural, number, real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning
@@ -34,7 +34,7 @@ from setid.models.equations import Structure
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.proofs.parameter_box import objectives, problem_on_box, start_of
 from setid.proofs.verification import verify
 from sparsepop_py.executors.dispatch import map_in_order
 
@@ -165,7 +165,9 @@ class Recursive:
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
         self.window = None if window is None else natural(window, "window", SetidError, least=1)
-        self.Ts = float(Ts)
+        self.Ts = number(Ts, "Ts", DataError)
+        if not 0 < self.Ts < inf:
+            raise DataError(f"Ts: found {Ts!r}, expected a positive number")
         self._executor = executor
         self._lag = max(equation.lag for equation in self.model.regression())
         self.restart()
@@ -403,7 +405,7 @@ class Recursive:
             True where each interval, or the inconsistency, follows from retained samples.
         """
         for evidence, _ in self._claims:
-            verdict = verify(evidence)
+            verdict = _quiet(lambda evidence=evidence: verify(evidence))
             if not verdict:
                 return verdict
         if self.inconsistent_at is not None and not any(e.empty for e, _ in self._claims):
@@ -504,8 +506,11 @@ def _boxed(formulation: Formulation) -> tuple[Evidence, set[int]]:
         return Evidence(formulation, FrozenMapping(items), formulation.problem, box=box), used
     problem = problem_on_box(formulation, box)
     items = {}
+    low, high = start_of(formulation)  # the problem on the box holds unused parameters at zero
+    if box is not None:
+        low, high = np.maximum(low, box.lower), np.minimum(high, box.upper)
     for place, name in enumerate(names):
-        outer = float(problem.lower[place]), float(problem.upper[place])
+        outer = float(low[place]), float(high[place])
         items[name] = ParameterInterval(name, outer, None, IntervalStatus.PARTIAL)
     return Evidence(formulation, FrozenMapping(items), problem, box=box), used
 

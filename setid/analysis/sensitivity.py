@@ -22,6 +22,7 @@ from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
 from setid.data.frames import require_pandas
 from setid.errors import NoiseError, SetidError, warns_once
+from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.html import table as html_table
@@ -31,6 +32,7 @@ from setid.options import Options
 from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
+from setid.proofs.parameter_box import start_of
 from setid.result.identification import Identification
 from sparsepop_py.executors.dispatch import map_in_order
 
@@ -60,13 +62,13 @@ class Sensitivity:
     lost : mapping of str to (float, float)
         For each sign that is proved at the factor 1: up to the first factor it is proved, at
         the second a consistent parameter of the other sign (or zero) is attained, infinite where
-        none was found.
+        none was found. Both are infinite where the bounds of priors give the sign.
     least : Consistency
         The least factor that explains the record.
     results : tuple of Identification
         One a factor.
     levels : mapping of str to Consistency
-        What proves ``lost``.
+        What proves ``lost``, where the record does.
 
     Examples
     --------
@@ -154,16 +156,16 @@ class Sensitivity:
         ]
         if any(READ_OFF in text for text in self.least.noise.assumptions):
             lines.append("the noise bound was read off this record: check it on another (holdout=)")
-        for name, (proved, attained) in self.lost.items():
-            lines.append(
-                f"sign of {name}: proved up to factor {rounded(proved, False, 4)}, "
-                + (
-                    f"lost at {rounded(attained, True, 4)}"
-                    if attained < inf
-                    else "not found lost at any"
-                )
-            )
-        return lines
+        return [*lines, *(self._remark(name) for name in self.lost)]
+
+    def _remark(self, name: str) -> str:
+        """Say where a sign is lost."""
+        if name not in self.levels:
+            return f"sign of {name}: given by priors"
+        proved, attained = self.lost[name]
+        found = f"lost at {rounded(attained, True, 4)}"
+        last = found if attained < inf else "not found lost at any"
+        return f"sign of {name}: proved up to factor {rounded(proved, False, 4)}, {last}"
 
     def _repr_html_(self) -> str:
         rows = self._rows()
@@ -224,7 +226,9 @@ def sensitivity(
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
     settings = options or result.options
     work = _Work(result, settings, settings.deadline())
-    signed = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
+    every = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
+    given = _given(formulation)
+    signed = [(name, sign) for name, sign in every if name not in given]
     work.left = len(values) + 1 + len(signed)
     tasks: list[tuple[_Work, float | None, tuple[Any, ...]]] = [
         *((work, value, ()) for value in values),
@@ -241,7 +245,9 @@ def sensitivity(
         factors=frozen(np.array(values)),
         outer=frozen(np.array([[i.outer for i in r.intervals.values()] for r in results])),
         signs=frozen(np.array([_signs(r) for r in results])),
-        lost=FrozenMapping({name: level.scale for name, level in levels.items()}),
+        lost=FrozenMapping(
+            {name: (inf, inf) if name in given else levels[name].scale for name, _ in every}
+        ),
         least=least,
         results=results,
         levels=FrozenMapping(levels),
@@ -291,6 +297,13 @@ def _signs(result: Identification) -> list[int]:
     return [
         int(item.outer[0] > 0.0) - int(item.outer[1] < 0.0) for item in result.intervals.values()
     ]
+
+
+def _given(formulation: Formulation) -> set[str]:
+    """Name the parameters whose sign the bounds of priors give."""
+    low, high = start_of(formulation)
+    known = (low > 0.0) | (high < 0.0)
+    return {n for n, k in zip(formulation.parameters, known, strict=True) if k}
 
 
 def _other(name: str, sign: int) -> Box:

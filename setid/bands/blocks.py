@@ -20,7 +20,7 @@ from setid.bands.responses import Kind
 from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.models.block import BlockStructured
@@ -164,6 +164,7 @@ def static_band(
     >>> bool(band.low[0] <= 1.5 <= band.high[0]), bool(band.high[0] - band.low[0] < 0.05)
     (True, True)
     """
+    check_result(result)
     model, target, item = _map_of(result, name)
     points = _arguments(result, item, x)
     slopes, constant = _directions(model, target, item, points)
@@ -293,6 +294,7 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     >>> bool(band.low[-1] <= 1.5 <= band.high[-1])
     True
     """
+    check_result(result)
     model, data = result.formulation.model, result.formulation.data
     if not isinstance(model, BlockStructured) or name not in model.internal:
         known = ", ".join(getattr(model, "internal", ()))

@@ -163,10 +163,12 @@ class _Search:
             if heap and worst < -heap[0][0]:
                 heapq.heappush(heap, (-worst, number))
                 continue
-            if worst <= self.effort.tolerance or not self._more():
+            cell = self.partition.cell(number)
+            parts = cell.tight[0].size  # none where nothing is fed back
+            if worst <= self.effort.tolerance or not parts or not self._more():
                 break
             leaf = self.leaves.pop(number)
-            axis, cell = self._axis(leaf), self.partition.cell(number)
+            axis = self._axis(leaf)
             at = float((cell.tight[0][axis] + cell.tight[1][axis]) / 2)
             for part in self.partition.cut(number, axis, at):
                 self._look(part, leaf.source.bases, heap)

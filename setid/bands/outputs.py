@@ -19,11 +19,11 @@ from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, SetidError
+from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
@@ -266,6 +266,7 @@ def simulate_band(
     >>> band.kind, bool((band.low <= band.high).all())
     ('proved', True)
     """
+    check_result(result)
     if kind not in (None, "proved", "sampled"):
         raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     accuracy = Accuracy(tolerance, time_limit, samples)
@@ -326,6 +327,7 @@ def predict(
     >>> len(setid.predict(result).outside)
     0
     """
+    check_result(result)
     record, _ = _record(result, data, noise)
     model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
     if any(equation.implicit for equation in model.regression()):
@@ -384,6 +386,7 @@ def compare(
     >>> found.fit.round(1), len(found.band.outside)
     (array([92.2]), 0)
     """
+    check_result(result)
     if mode == "simulation":
         band = simulate_band(result, validation, kind, noise)
     elif mode == "prediction":
@@ -449,6 +452,8 @@ def _record(
         raise DataError(
             f"data: found Ts = {record.Ts:g}, expected {formulation.data.Ts:g} as identified"
         )
+    if noise is not None and not isinstance(noise, Noise):
+        raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     noise = (noise or formulation.noise).covering(formulation.noise.model_error)
     return record, noise.bounds(record)
 

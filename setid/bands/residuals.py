@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen, parameters_of
 from setid.errors import SetidError
 from setid.feasible_points.members import nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,6 +87,7 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     >>> found.values.round(4), found.outside
     (array([-0.25,  0.3 , -0.5 ]), array([], dtype=int64))
     """
+    check_result(result)
     rows = result.formulation.regression
     if rows is None:
         raise SetidError("model: separate denominators have no one-step residuals")

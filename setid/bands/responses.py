@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
-from setid.data.checks import frozen, number, real_array
+from setid.data.checks import frozen, natural, number, real_array
 from setid.errors import SetidError
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import Proposer
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
@@ -231,7 +231,9 @@ def frequency_band(
     >>> [round(gain, 1) for gain in band.peak]  # of every consistent model, at any frequency
     [2.6, 4.5]
     """
+    check_result(result)
     data, model = result.formulation.data, result.formulation.model
+    natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
     continuous = transfer_of(model, output, input).continuous
     frequencies = grid(omega, data.Ts, continuous=continuous)
     theta = nominal(result)

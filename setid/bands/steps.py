@@ -13,7 +13,7 @@ from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow
@@ -157,6 +157,7 @@ def step_band(
     >>> [round(x, 2) for x in band.later]  # from the fourth sample on, for ever
     [2.85, 4.15]
     """
+    check_result(result)
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)
     channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
@@ -224,18 +225,19 @@ def _proved_step(
     length, output, input = place
     model = result.formulation.model
     row = rows_of(model)[output].without_constant()
-    settle, count = None, length
+    most = max([row.lag, *(lag for *_, lag in row.others)])
+    settle, count = None, max(length, most + 1)
     if all_time:
-        lags = [row.lag, *(lag for *_, lag in row.others)]
         settle = _settling(row, theta)
-        count = max(length, 2 * settle + 1) + 2 * (settle + max(lags)) + max(lags) + 2
+        count = max(length, 2 * settle + 1) + 2 * (settle + most) + most + 2
     u, none = np.zeros((count, model.inputs)), np.zeros(0)
     u[:, input] = 1.0
     experiment = Experiment(row, u, none, none, np.zeros_like(u), np.zeros(count))
     band = band_of(result, experiment, accuracy, settle)
     ranges, part = band.ranges, slice(0, length)
-    ends = float(ranges.later[0]), float(ranges.later[1])
-    if np.all(np.isfinite(ends)):
+    ends = (-np.inf, np.inf)
+    if all_time and np.all(np.isfinite(ranges.later)):
+        ends = float(ranges.later[0]), float(ranges.later[1])
         rest = ranges.low[length:], ranges.high[length:]
         ends = min(ends[0], float(rest[0].min())), max(ends[1], float(rest[1].max()))
     attained = band.low[part], band.high[part]

@@ -427,8 +427,8 @@ class IOData:
         """
         fraction = number(at, "at", DataError)
         whole = isinstance(at, (int, np.integer))
-        row = int(at) if whole else round(fraction * self.samples)
-        if not (whole or 0 < fraction < 1) or not 0 < row < self.samples:
+        row = int(at) if whole else round(min(max(fraction, 0.0), 1.0) * self.samples)
+        if not 0 < row < self.samples:
             raise DataError(
                 f"at: found {at!r}, expected a row in 1..{self.samples - 1} or a fraction in (0, 1)"
             )

@@ -18,7 +18,7 @@ from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.continuous import INDIRECT_WARNING
 
 __all__ = ["ContinuousEstimate", "to_continuous"]
@@ -122,6 +122,7 @@ def to_continuous(
     >>> found.kind, found.names, bool(abs(found.nominal[0] - 0.693) < 0.05)
     ('sampled', ('a0', 'b0'), True)
     """
+    check_result(result)
     model = result.formulation.model
     if (model.inputs, model.outputs) != (1, 1) or model.transfer(1, 1).continuous:
         raise ModelError(

@@ -12,8 +12,9 @@ import numpy as np
 from setid.errors import ModelError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Transfer
+from setid.simulation.responses import transfer_of
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
 from sparsepop_py.files import write_text
@@ -44,6 +45,7 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     >>> scipy.io.loadmat(path)["outer"].round(4).tolist()
     [[-0.5233, -0.3453], [1.9167, 2.1093]]
     """
+    check_result(result)
     result.require_members()
     formulation, items = result.formulation, result.intervals.values()
     none = (np.nan, np.nan)
@@ -112,7 +114,8 @@ def ureal_script(result: FeasibleSet) -> str:
     formulation = result.formulation
     model = formulation.model
     pairs = [
-        [model.transfer(i + 1, j + 1) for j in range(model.inputs)] for i in range(model.outputs)
+        [transfer_of(model, i + 1, j + 1) for j in range(model.inputs)]
+        for i in range(model.outputs)
     ]
     used = [name for row in pairs for t in row for name in (*t.denominator, *t.numerator)]
     for name in used:

@@ -20,10 +20,10 @@ from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import members, nominal
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.printing import rounded
 from setid.models.equations import Structure
-from setid.simulation.responses import frequency_response, grid
+from setid.simulation.responses import frequency_response, grid, transfer_of
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 
@@ -119,6 +119,7 @@ def to_control(
     >>> models.label, len(models.vertices)
     ('sampled', 3)
     """
+    check_result(result)
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)
@@ -198,7 +199,7 @@ def coefficients(
     >>> coefficients(setid.TransferFunction(1, 1, nk=2), np.array([-0.5, 3.0]))
     ([0.0, 0.0, 3.0], [1.0, -0.5, 0.0])
     """
-    transfer = model.transfer(output, input)
+    transfer = transfer_of(model, output, input)
     named = dict(zip(model.parameters, np.asarray(theta, float).tolist(), strict=True))
     size = max(transfer.delay + len(transfer.numerator) - 1, len(transfer.denominator)) + 1
     numerator, denominator = [0.0] * size, [1.0] + [0.0] * (size - 1)

@@ -23,7 +23,7 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import is_member, members
 from setid.feasible_points.witness import consistent
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.regression import regression_of_data
 from setid.models.equations import Structure
 from setid.simulation.responses import known_from, run
@@ -117,6 +117,7 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
     >>> print(setid.best(result, "simulation"))
     a1 = -0.490393, b0 = 2.01129 (fit in simulation 92.2 %)
     """
+    check_result(result)
     misfit = _misfit(result, goal)
     known = members(result, count=_MIXTURES)
     theta = min(known, key=lambda t: _size(misfit(t)))

@@ -13,7 +13,7 @@ from setid.data.checks import frozen, real_array
 from setid.errors import SetidError
 from setid.feasible_points.members import ROUNDING, noise_level
 from setid.feasible_points.witness import consistent
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
@@ -103,6 +103,7 @@ def central(result: FeasibleSet) -> Central:
     >>> centre.theta.round(4), centre.error.round(3), centre.member
     (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
     """
+    check_result(result)
     result.require_members()
     theta = result.middle
     if theta is None:
@@ -139,6 +140,7 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     >>> setid.worst_case_error(result, [-0.5, 2.0]).round(4)
     array([0.1547, 0.1093])
     """
+    check_result(result)
     low, high = result.outer_box
     values = real_array(theta, "theta", SetidError)
     if values.shape != low.shape:

@@ -15,7 +15,7 @@ import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.witness import Witness, least_noise
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import admitted
 from sparsepop_py.lp.scaled import solve_scaled
@@ -100,6 +100,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
     >>> found.shape[1]
     2
     """
+    check_result(result)
     result.require_members()
     tries = natural(count, "count", SetidError)
     known = result.attained
@@ -111,7 +112,8 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
             "result: found no consistent parameter vector to draw from; identify with a "
             "larger time limit, or use what is proved instead"
         )
-    weights = np.random.default_rng(seed).dirichlet(np.full(len(known), 0.5), tries)
+    start = natural(seed, "seed", SetidError)
+    weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
     keep = [theta for theta in mixed if is_member(result.formulation, theta)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
@@ -145,6 +147,7 @@ def feasible(result: FeasibleSet) -> Reals:
     >>> bool(abs(theta[0] - result.intervals["a1"].centre) < 0.1)
     True
     """
+    check_result(result)
     known = members(result, count=0)
     middle = known.mean(axis=0)
     if is_member(result.formulation, middle):
@@ -186,6 +189,7 @@ def projection_estimate(result: FeasibleSet) -> Reals:
     >>> setid.projection_estimate(result).round(4)
     array([-0.3883,  1.9703])
     """
+    check_result(result)
     result.require_members()
     rows = result.formulation.regression
     if rows is None:

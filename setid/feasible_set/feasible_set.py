@@ -14,7 +14,7 @@ from setid.formulation.formulation import Formulation
 from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 
-__all__ = ["FeasibleSet"]
+__all__ = ["FeasibleSet", "check_result"]
 
 Reals = NDArray[np.float64]
 
@@ -97,3 +97,18 @@ class FeasibleSet:
                 "result: found an empty feasible set, expected consistent parameters; "
                 "see setid.consistency for the least noise bound that explains the data"
             )
+
+
+def check_result(result: FeasibleSet) -> None:
+    """Refuse what is no feasible set.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Raises
+    ------
+    SetidError
+    """
+    if not isinstance(result, FeasibleSet):
+        raise SetidError(f"result: found {type(result).__name__}, expected Identification")

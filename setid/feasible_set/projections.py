@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.principal import solved_heights
 from setid.feasible_set.supports import cover_of, supports
 from setid.proofs.supports import Cover
@@ -124,6 +124,7 @@ def project(
     >>> shadow.exact, len(shadow.outline)
     (True, 4)
     """
+    check_result(result)
     names = result.formulation.parameters
     for name in (first, second):
         if name not in names:

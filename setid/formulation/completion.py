@@ -110,6 +110,7 @@ def _place(
 def place_slack(x: NDArray[np.float64], formulation: Stated, theta: NDArray[np.float64]) -> None:
     """Set the unknowns of priors in x to what the parameters give."""
     named = dict(zip(formulation.parameters, theta.tolist(), strict=True))
+    named |= dict(getattr(formulation.model, "fixed", ()))
     for prior in formulation.priors:
         for name, value in prior.complete(formulation.model, named).items():
             x[formulation.layout.index(name)] = value

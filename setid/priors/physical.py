@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping
+from setid.data.checks import FrozenMapping, entries_of
 from setid.errors import PriorError
 from setid.models.equations import Structure
 from setid.priors.base import Facts, Interval, Plain, Symbols, interval_of, items_of, named, stored
@@ -72,7 +72,8 @@ class Physical(Plain):
         for name in ends:
             if not _NAME.fullmatch(name):
                 raise PriorError(f"Physical: found the name {name!r}, expected letters and digits")
-        texts = (relations,) if isinstance(relations, str) else tuple(relations)
+        listed = entries_of(relations, "relations", "a list of texts", PriorError)
+        texts = (relations,) if isinstance(relations, str) else tuple(listed)
         for text in texts:
             if not isinstance(text, str) or len(_RELATION.findall(text)) != 1:
                 raise PriorError(

@@ -253,7 +253,8 @@ class MinimumPhase(Plain):
             Bounds and stability from all priors.
         """
         lead, *rest = self._names(model)
-        low, high = facts.of(lead)
+        fixed = dict(getattr(model, "fixed", ()))  # numbers that normalise gives
+        low, high = (fixed[lead], fixed[lead]) if lead in fixed else facts.of(lead)
         if _continuous(model) and len(rest) > 3 and low <= 0.0 <= high:
             raise PriorError(
                 f"MinimumPhase: found {lead} in [{low:g}, {high:g}], expected an interval without "

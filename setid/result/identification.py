@@ -184,7 +184,7 @@ class Identification(FeasibleSet):
         Parameters
         ----------
         data : IOData, optional
-            The record; the one that was stored when left out.
+            The record, without samples that were held out; the one that was stored when left out.
 
         Returns
         -------

@@ -33,9 +33,16 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
     Raises
     ------
     ModelError
-        If the structure is not linear.
+        If the structure is not linear, or a coefficient of the numerator is no parameter.
     """
-    return model.transfer(output, input)
+    found = model.transfer(output, input)
+    fixed = [name for name in found.numerator if name not in model.parameters]
+    if fixed:
+        raise ModelError(
+            f"model: found {fixed[0]} fixed by normalise, expected a numerator of parameters "
+            "alone; identify with normalise='gamma1' or 'dcgain'"
+        )
+    return found
 
 
 def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool = False) -> Reals:

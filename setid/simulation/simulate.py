@@ -87,7 +87,7 @@ def simulate(
     >>> setid.simulate(model, {"a1": -0.5, "b1": 1.0}, [1, 0, 0, 0]).ravel().tolist()
     [0.0, 1.0, 0.5, 0.25]
     """
-    inputs = _columns(u, "u", model.inputs)
+    inputs = _inputs(model, u)
     shape = (inputs.shape[0], model.outputs)
     errors = np.zeros(shape) if equation is None else _columns(equation, "equation", shape[1])
     if errors.shape != shape:
@@ -132,7 +132,7 @@ def simulate_record(
     if noise.relative or noise.constraints:
         raise NoiseError("noise: found relative bounds or sets, expected absolute bounds alone")
     generator = np.random.default_rng(seed)
-    inputs = _columns(u, "u", model.inputs)
+    inputs = _inputs(model, u)
     values = _values(model, theta)
     blank = IOData(inputs, np.zeros((inputs.shape[0], model.outputs)), Ts)
     eta, xi, e = (generator.uniform(-bound, bound) for bound in noise.bounds(blank))
@@ -149,6 +149,13 @@ def simulate_record(
         frozen(e),
         FrozenMapping(internal),
     )
+
+
+def _inputs(model: Structure, u: ArrayLike) -> NDArray[np.float64]:
+    """The inputs of a structure, (N, nu)."""
+    if isinstance(model, type) or not isinstance(model, Structure):
+        raise ModelError(f"model: found {type(model).__name__}, expected a structure")
+    return _columns(u, "u", model.inputs)
 
 
 def _columns(given: ArrayLike, field: str, channels: int) -> NDArray[np.float64]:

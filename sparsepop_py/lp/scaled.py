@@ -48,7 +48,7 @@ def solve_scaled(
     -------
     LinearSolution
         Its status is ``"failed"`` where all methods gave up; x is of use where it is
-        ``"solved"``. Prices are those of rows in units near one.
+        ``"solved"``.
 
     Examples
     --------
@@ -76,7 +76,8 @@ def solve_scaled(
         found = model.solve(weights / size)
         if found.status != "failed":
             break
-    return replace(found, x=found.x * units, value=found.value * size)
+    prices = found.dual * row * (column[-1] * size)
+    return replace(found, x=found.x * units, dual=prices, value=found.value * size)
 
 
 def _scales(

@@ -104,3 +104,10 @@ def test_a_witness_is_not_found_where_the_solver_gives_up(monkeypatch: pytest.Mo
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
     assert setid.least_noise(known, [-0.5, 2.0]).level == np.inf
+
+
+def test_prices_are_those_of_the_rows_as_given() -> None:
+    """Min 3e-9 x + 5e9 y with 1e-9 x >= 1 and 2e9 y >= 1: prices 3 and 5 / 2, by hand."""
+    rows = sps.csr_array(np.array([[-1e-9, 0.0], [0.0, -2e9]]))
+    found = solve_scaled(np.array([3e-9, 5e9]), (rows, np.array([-1.0, -1.0])))
+    assert found.dual == pytest.approx([-3.0, -2.5])

@@ -242,9 +242,12 @@ def _verify_linear(found: NoiseScale, bound: sp.LinearBound) -> Verification:
     return Verification(True)
 
 
-def _attained_by(found: NoiseScale, x: NDArray[np.float64]) -> bool:
-    """Check that the parameters are those of a point."""
-    return found.theta is not None and np.array_equal(found.theta, x[: found.theta.size])
+def _attained_by(found: NoiseScale, x: NDArray[np.float64], near: Any = 0.0) -> bool:
+    """Check that the parameters are those of a point, which is known up to a distance."""
+    p = len(found.formulation.parameters)
+    if found.theta is None or found.theta.shape != (p,):
+        return False
+    return bool(np.all(np.abs(found.theta - x[:p]) <= near))
 
 
 def admitted_point(
@@ -299,6 +302,7 @@ def _result_fails(found: NoiseScale) -> tuple[str, bool]:
     reached = attained_factor(found.formulation, point.value) * found.limit
     if not admitted_point(found.formulation, scaled.units, point):
         return "", False
-    if not _attained_by(found, point.x * scaled.units):
+    near = 2.0 * point.radius * scaled.units[: len(found.formulation.parameters)]
+    if not _attained_by(found, point.x * scaled.units, near):
         return "", False
     return ("", True) if reached <= found.scale[1] else ("the upper end is not attained", False)

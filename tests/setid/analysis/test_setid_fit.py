@@ -147,3 +147,28 @@ def test_no_engine_is_asked_when_the_time_is_over(monkeypatch: pytest.MonkeyPatc
     options = setid.Options(time_limit=1e-3, progress=False)
     found = setid.fit(setid.IOData(u, y), setid.TransferFunction(2, 2, 1), "l1", options=options)
     assert 0.0 <= found.lower_bound <= found.error and bool(found.verify())
+
+
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+@pytest.mark.parametrize("units", [(1.0, 1e9), (1e9, 1.0), (1e-9, 1e9)])
+def test_units_leave_the_gap_of_equation_errors_alone(
+    norm: Norm, units: tuple[float, float]
+) -> None:
+    """Rows of all units have the same multipliers, up to those of the rows."""
+    rng = np.random.default_rng(1)
+    u, y = rng.uniform(-1, 1, 14), rng.uniform(-1, 1, 14)
+    model = setid.TransferFunction(na=2, nb=2)
+    plain = setid.fit(setid.IOData(u, y), model, norm, "equation")
+    found = setid.fit(setid.IOData(units[0] * u, units[1] * y), model, norm, "equation")
+    assert plain.gap < 1e-9 and found.gap < 1e-9 and found.verify()
+    assert found.lower_bound == pytest.approx(units[1] * plain.error, rel=1e-9)
+
+
+@pytest.mark.parametrize(("norm", "least"), [("linf", 0.5), ("l2", 0.5**0.5), ("l1", 1.0)])
+def test_equation_errors_of_a_constant_input_are_bounded(norm: Norm, least: float) -> None:
+    """With u = 1 the rows say 1 - s and 2 - s, s = b0 + b1: no other sum leaves less."""
+    with pytest.warns(setid.SetidWarning, match="constant"):
+        data = setid.IOData([1.0, 1.0, 1.0], [0.0, 1.0, 2.0])
+    found = setid.fit(data, setid.TransferFunction(na=0, nb=2), norm, "equation")
+    assert found.lower_bound == pytest.approx(least) and found.error == pytest.approx(least)
+    assert found.verify()

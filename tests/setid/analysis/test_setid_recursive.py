@@ -169,3 +169,15 @@ def test_a_picture_shows_the_intervals_over_the_samples() -> None:
     ax = online.plot()
     assert {text.get_text() for text in ax.get_legend().get_texts()} == {"a1", "b1"}
     plt.close("all")
+
+
+@pytest.mark.parametrize("noise", [setid.Noise(output=0.1), setid.Noise(input=0.1)])
+def test_a_parameter_that_no_sample_tells_of_keeps_what_priors_say(noise: setid.Noise) -> None:
+    """y_k + a1 y_(k-1) = b0 u_k at rest says nothing of a1, and without input nothing of b0."""
+    model, quiet = setid.TransferFunction(na=1, nb=1), noise.output == 0.1
+    u, y = ([0.0, 0.0], [1.0, 0.5]) if quiet else ([1.0, 1.0], [0.0, 1.5])
+    unknown = "b0" if quiet else "a1"
+    for priors, outer in (((), (-np.inf, np.inf)), (setid.Box({unknown: (-3, 2)}), (-3, 2))):
+        online = setid.Recursive(model, noise, priors)
+        assert online.update(u, y) and online.verify()
+        assert online.intervals[unknown].outer == outer

@@ -34,6 +34,17 @@ def test_a_sign_is_lost_where_hand_computation_says() -> None:
     assert "sign of a1: proved up to factor 3.58" in found.summary()
 
 
+@pytest.mark.parametrize("prior", [setid.Box({"b0": (1, 3)}), setid.Known({"b0": 2})])
+def test_no_factor_takes_a_sign_that_priors_give(prior: setid.Box | setid.Known) -> None:
+    """With b0 = 2 and a1 = 0 the rows leave .25 and abs(1.175 - 4): e >= 2.825 = 5.65 * .5."""
+    result = setid.identify(DATA, FIRST, setid.Noise(equation=0.5), [prior], QUIET)
+    found = result.sensitivity(factors=[1.0, 40.0])
+    assert found.signs[:, 1].tolist() == [1, 1] and found.lost["b0"] == (np.inf, np.inf)
+    assert found.verify() and "sign of b0: given by priors" in found.summary()
+    expected = 3.59 if isinstance(prior, setid.Box) else 5.65
+    assert found.lost["a1"] == pytest.approx((expected, expected), rel=1e-12)
+
+
 def test_intervals_grow_with_the_factor_and_contain_those_of_less_noise() -> None:
     found = quadrangle().sensitivity(factors=[0.5, 0.7, 1.0, 1.3, 2.0])
     assert found.results[0].empty and np.all(found.signs[0] == 0)  # least factor: 0.678

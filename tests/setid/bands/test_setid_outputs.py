@@ -204,3 +204,12 @@ def test_proved_predictions_are_rounded_outwards() -> None:
         assert Fraction(band.low[k, 0]) <= min(ends) and Fraction(band.high[k, 0]) >= max(ends)
         assert Fraction(band.reading_low[k, 0]) <= min(ends) - Fraction(1e-3)
         assert Fraction(band.reading_high[k, 0]) >= max(ends) + Fraction(1e-3)
+
+
+def test_simulations_without_feedback_have_nothing_to_part() -> None:
+    """y_k = b0 u_k with u = 2, y = 2 and abs(e) <= .1: b0 is in [.95, 1.05]."""
+    data = setid.IOData([2.0, -2.0], [2.0, -2.0])
+    found = setid.identify(data, setid.TransferFunction(0, 1), setid.Noise(equation=0.1))
+    band = simulate_band(found, setid.IOData([1.0, 0.0, -4.0], [0.0, 0.0, 0.0]), tolerance=1e-300)
+    assert band.low[:, 0] == pytest.approx([0.95, 0.0, -4.2])
+    assert band.high[:, 0] == pytest.approx([1.05, 0.0, -3.8])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from identification_cases import PLANT
@@ -154,3 +156,37 @@ def test_results_hand_the_time_of_bands_on(result: setid.Identification) -> None
     assert np.all(hurried.low <= whole.nominal) and np.all(whole.nominal <= hurried.high)
     outputs = result.simulate(time_limit=0.0)
     assert all(report.cells == 1 for report in outputs.reports)
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 15])
+def test_a_step_of_any_length_has_a_band_where_nothing_is_fed_back(length: int) -> None:
+    """y_k = b2 u_(k-2) + e with u = 2, y = 2 and abs(e) <= .1: b2 is in [.95, 1.05]."""
+    data = setid.IOData([2.0, 0.0, 0.0, 2.0], [0.0, 0.0, 2.0, 0.0])
+    found = setid.identify(data, setid.TransferFunction(0, 1, 2), setid.Noise(equation=0.1))
+    band = step_band(found, length)
+    low, high = ([*[0.0] * 2, *[0.95] * 13][:length], [*[0.0] * 2, *[1.05] * 13][:length])
+    assert band.low == pytest.approx(low) and band.high == pytest.approx(high)
+    assert band.later == (-np.inf, np.inf)
+    assert step_band(found, length, all_time=True).later[1] == pytest.approx(1.05)
+
+
+def test_a_numerator_that_normalise_fixes_is_named(tmp_path: Path) -> None:
+    """w = 2 u + .6 u^2 and y_k = w_(k-1) + .5 w_(k-2), so that the zero is at -.5."""
+    u = np.random.default_rng(0).uniform(-1, 1, 12)
+    w = 2 * u + 0.6 * u**2
+    y = np.array([0.0, 0.0, *(w[1:-1] + 0.5 * w[:-2])])
+    model = setid.Hammerstein(setid.TransferFunction(0, 2, 1), 2, normalise="b1")
+    priors = [setid.ZeroIn(-0.6, -0.4), setid.Box({"b2": (0.1, 2.0)})]
+    options = setid.Options(time_limit=5.0, progress=False)
+    found = setid.identify(setid.IOData(u, y), model, setid.Noise(output=0.01), priors, options)
+    truth = {"b2": 0.5, "gamma1": 2.0, "gamma2": 0.6}
+    for name, item in found.intervals.items():
+        assert item.outer[0] <= truth[name] <= item.outer[1]
+        assert item.outer[1] - item.outer[0] < 0.2
+    assert found.verify()
+    asked = (found.bode, found.to_control, lambda: setid.to_ureal(found, tmp_path / "model.m"))
+    for ask in asked:
+        with pytest.raises(setid.ModelError, match="^model: found b1 fixed by normalise"):
+            ask()
+    found.report(str(tmp_path / "page.html"))
+    assert "b1 fixed by normalise" in (tmp_path / "page.html").read_text("utf-8")

@@ -82,6 +82,19 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: setid.simulate_record(MODEL, {"a1": 0.5, "b0": 1.0}, [1.0, 2.0], 0.1),
         "noise: found float",
     ),
+    "no structure": (lambda: setid.simulate(None, [1.0], [1.0]), "model: found NoneType"),
+    "a class to simulate": (
+        lambda: setid.simulate_record(setid.TransferFunction, [1.0], [1.0], NOISE),
+        "model: found type",
+    ),
+    "an input without samples": (
+        lambda: setid.excitation(MODEL, [0.5, 1.0], [], NOISE_OF_EQUATIONS),
+        r"u: found shape \(0, 1\)",
+    ),
+    "no time": (lambda: setid.Recursive(MODEL, NOISE, Ts=None), "Ts: found None"),
+    "a negative time": (lambda: setid.Recursive(MODEL, NOISE, Ts=-1.0), "Ts: found -1.0"),
+    "an infinite part": (lambda: DATA.split(float("inf")), "at: found inf, expected a row in 1..3"),
+    "no relations": (lambda: setid.Physical({"K": (0, 1)}, 3), "relations: found int"),
 }
 
 
@@ -94,7 +107,42 @@ ASKED: dict[str, tuple[Callable[[setid.Identification], Any], str]] = {
     "a missing parameter": (lambda found: found.consistent([float("nan"), 1]), "theta: found NaN"),
     "of a residual": (lambda found: setid.residuals(found, [1, float("nan")]), "theta: found NaN"),
     "too few": (lambda found: setid.residuals(found, [1.0]), r"theta: found shape \(1,\)"),
+    "a word for a channel": (lambda found: found.bode(output="y"), "output: found 'y'"),
+    "a number for noise": (lambda found: setid.predict(found, noise=0.1), "noise: found float"),
+    "none of it": (lambda found: setid.compare(found, noise=[]), "noise: found list"),
+    "a word for a seed": (
+        lambda found: setid.frequency_band(found, kind="sampled", seed="x"),
+        "seed: found 'x'",
+    ),
 }
+
+OF_RESULTS: dict[str, Callable[[Any], Any]] = {
+    "frequency_band": setid.frequency_band,
+    "step_band": setid.step_band,
+    "simulate_band": setid.simulate_band,
+    "predict": setid.predict,
+    "compare": setid.compare,
+    "static_band": lambda found: setid.static_band(found, x=[0.0]),
+    "signal_band": lambda found: setid.signal_band(found, "w"),
+    "residuals": setid.residuals,
+    "best": setid.best,
+    "central": setid.central,
+    "feasible": setid.feasible,
+    "members": setid.members,
+    "projection_estimate": setid.projection_estimate,
+    "worst_case_error": lambda found: setid.worst_case_error(found, [1.0]),
+    "project": lambda found: setid.project(found, "a1", "b0"),
+    "to_control": setid.to_control,
+    "to_continuous": setid.to_continuous,
+    "to_mat": lambda found: setid.to_mat(found, "nowhere.mat"),
+    "verify": setid.verify,
+}
+
+
+@pytest.mark.parametrize("name", OF_RESULTS)
+def test_what_is_no_result_is_named(name: str) -> None:
+    with pytest.raises(setid.SetidError, match="^result: found NoneType, expected Identification"):
+        OF_RESULTS[name](None)
 
 
 @pytest.mark.parametrize("name", ASKED)

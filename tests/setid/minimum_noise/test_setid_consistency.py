@@ -307,3 +307,13 @@ def test_order_3_of_a_measured_record_closes(record: str, samples: int) -> None:
     assert found.refuted is not None and isinstance(found.refuted[1], VaryingCells)
     assert found.verify().ok
     assert not replace(found, refuted=(1.1 * high, found.refuted[1])).verify().ok
+
+
+def test_missing_outputs_that_priors_bound_leave_the_least_factor_alone() -> None:
+    """Rows abs(2 - b0) and abs(1.1 - b0 / 2): both are 1 / 15 at b0 = 2 + 1 / 15."""
+    data = setid.IOData([1.0, -1.0, 2.0, 0.5, 1.0], [2.0, -2.0, np.nan, 1.1, 2.0])
+    model, box = setid.TransferFunction(0, 1), setid.Box({"b0": (1, 3)})
+    options = setid.Options(time_limit=20.0, progress=False)
+    found = setid.consistency(data, model, setid.Noise(equation=0.1), box, options)
+    low, high = found.scale
+    assert low <= 2 / 3 <= high and high - low < 1e-3 and found.verify()

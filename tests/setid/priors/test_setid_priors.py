@@ -250,3 +250,20 @@ def test_the_class_of_a_prior_is_no_prior() -> None:
     data, model = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), setid.TransferFunction(1, 1)
     with pytest.raises(setid.PriorError, match=r"priors\[0\]: found .*expected a prior"):
         setid.formulate(data, model, setid.Noise(output=1.0), [setid.Stable])
+
+
+@pytest.mark.parametrize("lead", [1.0, -2.0])
+def test_the_sign_of_a_numerator_that_normalise_fixes_is_known(lead: float) -> None:
+    """The zero of b1 + b2 q^-1 is -b2 / b1: in the disc for a half of b1, outside for twice b1."""
+    u = np.random.default_rng(0).uniform(-1, 1, 12)
+    w = (2 * u + 0.6 * u**2) / lead
+    model = setid.Hammerstein(setid.TransferFunction(0, 2, 1), 2, normalise={"b1": lead})
+    options = setid.Options(time_limit=5.0, progress=False)
+    for share, feasible in ((0.5, True), (2.0, False)):
+        y = lead * np.array([0.0, 0.0, *(w[1:-1] + share * w[:-2])])
+        data, noise = setid.IOData(u, y), setid.Noise(output=0.01)
+        found = setid.identify(data, model, noise, setid.MinimumPhase(), options)
+        assert found.empty != feasible and found.verify()
+        if feasible:
+            low, high = found.intervals["b2"].outer
+            assert low <= share * lead <= high <= low + 0.1

@@ -166,6 +166,21 @@ def test_lies_about_points_and_empty_boxes_are_refused(bracket: setid.Consistenc
     assert not bracket.box.empty and not claim.verify().ok
 
 
+def test_parameters_that_a_proof_solves_for_are_known_up_to_its_radius() -> None:
+    """A proof begins at the rounded point of the last one, and may end a unit beside it."""
+    u = [1.0, 0.0, 0.3, 0.4, 0.8, -0.2, -0.8]
+    y = [-0.01, 1.26, 0.23, 0.54, 0.64, 1.23, 0.05]
+    noise, model = setid.Noise(output=0.05, input=0.05), setid.TransferFunction(1, 2, 1)
+    found = setid.consistency(setid.IOData(u, y), model, noise, options=QUICK)
+    assert found.result is not None and found.result.attained is not None
+    assert found.result.attained.radius > 0.0 and found.theta is not None
+    assert found.verify()
+    for end in (-inf, inf):
+        assert replace(found, theta=np.nextafter(found.theta, end)).verify()
+    assert not replace(found, theta=found.theta + 1e-9).verify()
+    assert not replace(found, theta=found.theta[:1]).verify()
+
+
 def test_linear_problems_keep_the_rows_of_priors() -> None:
     a, b = sp.variables(2)
     noise = setid.Noise(equation=1.0)
