@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 __all__ = ["Form", "Region", "constant", "filtered", "late", "plus", "times"]
 
@@ -156,7 +156,10 @@ def filtered(
 def _first_order(
     poles: list[tuple[int, Form]], drive: Form, start: Form | None, begin: int
 ) -> Form:
-    """Solve the recursion to first order, its matrix stored by bands; without a rest."""
+    """Solve the recursion to first order, its matrix stored by bands; without a rest.
+
+    Row by row, so that what grows overflows; pivots of an elimination would underflow.
+    """
     samples = drive.value.size
     value, slope = drive.value.copy(), drive.slope.copy()
     if start is not None:
@@ -168,11 +171,11 @@ def _first_order(
         if lag < samples:
             bands[lag, max(begin - lag, 0) :] += a.value
     if samples:
-        value = solve_banded((most, 0), bands, value, check_finite=False)
+        value = dtbtrs(bands, value, uplo="L", diag="U")[0].ravel()
         for lag, a in poles:
             k = max(begin, lag)
             slope[k:] -= a.slope * value[k - lag : max(samples - lag, 0), None]
-        slope = solve_banded((most, 0), bands, slope, check_finite=False)
+        slope = dtbtrs(bands, slope, uplo="L", diag="U")[0]
     found = Form(value, slope, np.zeros(samples))
     if start is not None:
         for part, first in zip(found, start, strict=True):

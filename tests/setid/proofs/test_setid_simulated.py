@@ -172,6 +172,18 @@ def test_late_forms_rest_before_the_record() -> None:
     assert found.slope.ravel().tolist() == [0.0, 0.0, 1.0] and late(form, 0) is form
 
 
+def test_what_grows_beyond_all_doubles_overflows() -> None:
+    """s(k) = -4 s(k-1) from 1 is (-4)^k, and its slope k (-4)^(k-1) times -1."""
+    impulse = constant(np.eye(1200)[0], 1)
+    pole = Form(np.array(4.0), np.ones(1), np.array(0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        form = filtered([(1, pole)], impulse, region_of([4.0], 0.0), bounded=False)
+    k = np.arange(500)
+    assert np.array_equal(form.value[:500], (-4.0) ** k)
+    assert np.allclose(form.slope[1:500, 0], -k[1:] * (-4.0) ** (k[1:] - 1), rtol=1e-12)
+    assert not np.any(np.isfinite(form.value[520:]))
+
+
 @pytest.mark.parametrize("radius", [0.0, 0.01, 0.1])
 def test_filtered_forms_hold_recursions_of_order_two(radius: float) -> None:
     random, middle = np.random.default_rng(3), np.array([-1.5, 0.7])
