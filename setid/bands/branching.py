@@ -168,6 +168,8 @@ class _Search:
             if worst <= self.effort.tolerance or not parts or not self._more():
                 break
             leaf = self.leaves.pop(number)
+            if not self.slowest:  # what its parts will take is not known otherwise
+                self._enclose(leaf, inf)
             axis = self._axis(leaf)
             at = float((cell.tight[0][axis] + cell.tight[1][axis]) / 2)
             for part in self.partition.cut(number, axis, at):

@@ -390,6 +390,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
+        *,
+        time_limit: float = 20.0,
     ) -> FrequencyBand:
         """Bound gain and phase, for ``.plot()`` as a Bode diagram; see :func:`frequency_band`.
 
@@ -400,10 +402,12 @@ class Identification(FeasibleSet):
         kind : {"proved", "sampled"}
         output, input : int
             Channels, from 1.
+        time_limit : float
+            Seconds for what is proved.
         """
         from setid.bands.responses import frequency_band
 
-        return frequency_band(self, omega, kind, output, input)
+        return frequency_band(self, omega, kind, output, input, time_limit=time_limit)
 
     def nyquist(
         self,
@@ -411,6 +415,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
+        *,
+        time_limit: float = 20.0,
     ) -> FrequencyBand:
         """Bound the frequency response, for ``.plot()`` in the plane; see :func:`frequency_band`.
 
@@ -421,10 +427,13 @@ class Identification(FeasibleSet):
         kind : {"proved", "sampled"}
         output, input : int
             Channels, from 1.
+        time_limit : float
+            Seconds for what is proved.
         """
         from setid.bands.responses import frequency_band
 
-        return replace(frequency_band(self, omega, kind, output, input), view="nyquist")
+        found = frequency_band(self, omega, kind, output, input, time_limit=time_limit)
+        return replace(found, view="nyquist")
 
     def nichols(
         self,
@@ -432,6 +441,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
+        *,
+        time_limit: float = 20.0,
     ) -> FrequencyBand:
         """Bound the response, for ``.plot()`` of gain over phase; see :func:`frequency_band`.
 
@@ -442,10 +453,13 @@ class Identification(FeasibleSet):
         kind : {"proved", "sampled"}
         output, input : int
             Channels, from 1.
+        time_limit : float
+            Seconds for what is proved.
         """
         from setid.bands.responses import frequency_band
 
-        return replace(frequency_band(self, omega, kind, output, input), view="nichols")
+        found = frequency_band(self, omega, kind, output, input, time_limit=time_limit)
+        return replace(found, view="nichols")
 
     def step(
         self,

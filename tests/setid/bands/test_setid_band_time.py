@@ -1,0 +1,45 @@
+"""Time limits of bands, on a clock that only enclosures move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import setid
+from setid.bands import branching
+from setid.proofs.time_bands.partition import Partition
+
+
+@pytest.fixture(scope="module")
+def unstable() -> setid.Identification:
+    """Equation errors so large that most cells hold unstable members."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 40)
+    model, errors = setid.TransferFunction(3, 1), setid.Noise(equation=0.375)
+    theta = [*np.poly([0.9, 0.7, 0.5])[1:].tolist(), 0.5]
+    data = setid.simulate_record(model, theta, u, errors, seed=0).data
+    return setid.identify(data, model, setid.Noise(equation=1.5))
+
+
+def test_cells_that_wait_are_enclosed_in_the_time_that_is_left(
+    unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cell whose gain is too large takes little, and a second once it is enclosed at the end."""
+    clock, enclose = [0.0], Partition.enclose
+
+    def timed(self, *arguments):
+        known, found = enclose(self, *arguments)
+        clock[0] += 0.01 if found is None else 1.0
+        return known, found
+
+    monkeypatch.setattr(Partition, "enclose", timed)
+    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    band = unstable.step(30, tolerance=0.01, time_limit=10.0)
+    assert band.report.cells > 3 and 5.0 < clock[0] < 14.0
+
+
+@pytest.mark.parametrize("name", ["bode", "nyquist", "nichols"])
+def test_frequency_bands_have_a_time_limit(unstable: setid.Identification, name: str) -> None:
+    ask = getattr(unstable, name)
+    assert ask([0.1, 1.0], time_limit=0.0).magnitude.shape == (2, 2)
+    with pytest.raises(setid.SetidError, match="time_limit: found 'long'"):
+        ask([0.1, 1.0], time_limit="long")
