@@ -124,13 +124,14 @@ class Stability:
         ----------
         steps : int
         initial : float
-            Bound of the distance of the initial states: in the Euclidean norm (of each block:
-            layers of Elman, cells and outputs of LSTM) for conditions in the 2-norm and the LMI,
-            as the largest entry for the others.
+            Bound of the distance of the initial states: in the Euclidean norm of each block
+            (layers of Elman, cells and outputs of LSTM) for conditions in the 2-norm, of the whole
+            state for the LMI, as the largest entry for the others.
         inputs : float
             Bound of the distance of the inputs at each step, in the same norm.
         errors : float
-            Bound of errors added to one of the states at each step, in the same norm.
+            Bound of errors added to the state of one run at each step, in the same norm. For
+            LSTM and GRU the state has to stay in its range with them, see ``assumptions``.
         condition : Condition, optional
             One that holds; that of least rate where left out.
 
@@ -272,10 +273,12 @@ def _assumptions(net: Model, box: Interval | None) -> tuple[str, ...]:
     if box is not None:
         ends = ", ".join(f"[{a:g}, {b:g}]" for a, b in zip(box.lo, box.hi, strict=True))
         found.append(f"the inputs lie in {ends} at all times")
+    # a step without errors stays in these ranges, errors may leave them, and gates with them
+    times = "in both runs, at the beginning, and at all times where errors are added"
     if isinstance(net, LSTM):
-        found.append("h in [-1, 1] and c in its invariant range at the beginning, in both runs")
+        found.append(f"h in [-1, 1] and c in its invariant range {times}")
     if isinstance(net, GRU):
-        found.append("h in [-1, 1] at the beginning, in both runs")
+        found.append(f"h in [-1, 1] {times}")
     return tuple(found)
 
 

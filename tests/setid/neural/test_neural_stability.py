@@ -223,6 +223,19 @@ def test_errors_added_to_the_state() -> None:
     assert lin.output_distance(50, 0.0, errors=0.1)[-1] == pytest.approx(0.2, rel=1e-6)
 
 
+def test_errors_may_push_a_gated_state_out_of_the_range_of_its_gates() -> None:
+    """h+ = (1 - s(2 - 1.5 h)) h + 1 grows without end: h s(2 - 1.5 h) < 1 for all h >= 0."""
+    zero = ([[0.0]], [[0.0]], [0.0])
+    found = neural.stability(neural.GRU(([[0.0]], [[-1.5]], [2.0]), zero, zero))
+    h = 0.0
+    for _ in range(40):
+        h = (1.0 - 1.0 / (1.0 + np.exp(1.5 * h - 2.0))) * h + 1.0
+    assert found.limit(errors=1.0) < 5.0 < 30.0 < h  # holds while h stays in [-1, 1] only
+    assert any("h in [-1, 1]" in text and "at all times" in text for text in found.assumptions)
+    cells = neural.stability(neural.LSTM(*[([[0.1]], [[0.1]], [0.0])] * 4))
+    assert any("invariant range" in t and "at all times" in t for t in cells.assumptions)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_norms_are_upper_bounds_and_close(seed: int) -> None:
     matrix = RNG(seed).normal(size=(4, 6))
