@@ -221,7 +221,7 @@ def stability_certificate(
     integrators : int
         Plant poles at exactly z = 1, 0 or 1.
     time_limit : float
-        Seconds. An arc's linear programs that have begun are ended, so that large records may
+        Seconds. Linear programs of arcs that have begun are ended, so that large records may
         take a little longer.
     snap : float
         Largest value of a denominator at z = 1, relative to its coefficients, that is taken
@@ -362,8 +362,8 @@ class Question:
         if found is None or found.empty:
             return found, outcome
         now = time.monotonic()
-        for part in (0.0, 0.2):  # of the time that is left, before the engine is asked
-            outcome = prove_over_cells(found, claim, now + part * (until - now))
+        for part, most in ((1.0, 1), (0.2, inf)):  # of the time left, before the engine is asked
+            outcome = prove_over_cells(found, claim, now + part * (until - now), most)
             if outcome.proved or time.monotonic() > until:
                 break
         return found, outcome
