@@ -329,13 +329,14 @@ def estimate_noise_bound(
     if np.any(np.nan_to_num(record.u) != 0.0):
         raise NoiseError("zero_input_record: found inputs that are not zero, expected rest")
     low, high = np.nanmin(record.y, axis=0), np.nanmax(record.y, axis=0)
+    read = int(np.min(np.count_nonzero(~np.isnan(record.y), axis=0)))
     centre = (low + high) / 2 if offset else np.zeros_like(low)
     value = factor * np.maximum(high - centre, centre - low)
     text = ", ".join(f"{v:g}" for v in value)
     return EstimatedBound(
         frozen(value),
         frozen(centre),
-        f"bound {text} estimated from {record.samples} samples at rest (margin {factor:g})",
+        f"bound {text} estimated from {read} samples at rest (margin {factor:g})",
     )
 
 
