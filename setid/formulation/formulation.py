@@ -302,7 +302,8 @@ def formulate(
     if not np.any(built.rows.sample):
         raise DataError(
             f"data: found {data.samples} samples in {data.records} records and no complete "
-            f"equation, expected more than {max(e.lag for e in built.equations)} in a record"
+            f"equation, expected more than {max(e.lag for e in built.equations)} in a row without "
+            "missing readings, in one record"
         )
     return Formulation(
         problem=built.problem,
