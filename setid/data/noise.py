@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import entries_of, frozen, number, real_array, switch
+from setid.data.checks import entries_of, frozen, number, real_array, switch, word
 from setid.data.record import IOData
 from setid.errors import NoiseError
 
@@ -374,8 +374,7 @@ def _spread(bound: Bound, field: str, samples: int, channels: int) -> NDArray[np
 
 
 def _check_set(kind: str, size: float, field: str) -> None:
-    if kind not in GROUPS:
-        raise NoiseError(f"kind: found {kind!r}, expected one of {', '.join(GROUPS)}")
+    word(kind, "kind", GROUPS, NoiseError)
     if not 0 <= number(size, field, NoiseError) < np.inf:
         raise NoiseError(f"{field}: found {size!r}, expected a number >= 0")
 

@@ -37,6 +37,7 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
+from setid.data.checks import word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -255,8 +256,7 @@ def stability_certificate(
     ('certified', True)
     """
     begin = time.monotonic()
-    if method not in ("small_gain", "characteristic"):
-        raise SetidError(f"method: found {method!r}, expected 'small_gain' or 'characteristic'")
+    word(method, "method", ("small_gain", "characteristic"), SetidError)
     if margin is not None and not 0.0 < number(margin, "margin", SetidError) < 1.0:
         raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")
     noise = _output_noise(noise)

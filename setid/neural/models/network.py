@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
-from setid.data.checks import without_mask
+from setid.data.checks import entries_of, without_mask, word
 from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
@@ -226,12 +226,10 @@ def _check_shapes(matrices: tuple[Reals, ...], offsets: tuple[Reals, ...]) -> No
 
 
 def _activations(given: str | Sequence[str], layers: int) -> tuple[str, ...]:
-    names = (given,) * (layers - 1) + ("identity",) if isinstance(given, str) else tuple(given)
+    listed = entries_of(given, "activation", "a name, or one a layer", ModelError)
+    names = (given,) * (layers - 1) + ("identity",) if isinstance(given, str) else tuple(listed)
     if len(names) != layers:
         raise ModelError(f"activation: found {len(names)} names, expected {layers}, one a layer")
     for name in [given] if isinstance(given, str) else names:
-        if name not in ACTIVATIONS:
-            raise ModelError(
-                f"activation: found {name!r}, expected one of {', '.join(ACTIVATIONS)}"
-            )
+        word(name, "activation", ACTIVATIONS, ModelError)
     return names

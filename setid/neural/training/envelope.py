@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
+from setid.data.checks import word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
 
@@ -101,8 +102,7 @@ def envelope(
     >>> found.eps < 1e-3, bool(found.verify())
     (True, True)
     """
-    if name not in _SMOOTH:
-        raise ModelError(f"name: found {name!r}, expected one of {', '.join(_SMOOTH)}")
+    word(name, "name", _SMOOTH, ModelError)
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
         raise ModelError(f"low, high: found {low!r}, {high!r}, expected finite low < high")
     breaks = np.linspace(low, high, pieces + 1)

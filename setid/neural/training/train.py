@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
+from setid.data.checks import word
 from setid.neural.arithmetic import ACTIVATIONS, activate, slope_at
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.models.network import Network
@@ -91,8 +92,7 @@ def initial(
     >>> neural.initial(data, order=4).parameters
     89
     """
-    if activation not in ACTIVATIONS:
-        raise ModelError(f"activation: found {activation!r}, expected one of {ACTIVATIONS}")
+    word(activation, "activation", ACTIVATIONS, ModelError)
     phi, row = regressors(data, order)
     if not row.size:
         raise DataError(f"data: found no row with a complete regressor of order {order}")
@@ -166,14 +166,13 @@ def train(
     >>> found.status, found.attained < 1e-3
     (<Status.ATTAINED: 'attained'>, True)
     """
-    chosen = method or ("scipy" if isinstance(net, NNARX) else "ipopt")
+    usual = "scipy" if isinstance(net, NNARX) else "ipopt"
     kinds: dict[str, tuple[type, ...]] = {
         "scipy": (NNARX,),
         "ipopt": (NNOE, NeuralStateSpace),
         "jax-sysid": (NeuralStateSpace,),
     }
-    if chosen not in kinds:
-        raise ModelError(f"method: found {method!r}, expected one of {', '.join(kinds)}")
+    chosen = usual if method is None else word(method, "method", kinds, ModelError)
     if not isinstance(net, kinds[chosen]):
         names = " or ".join(kind.__name__ for kind in kinds[chosen])
         raise ModelError(f"net: found {type(net).__name__}, expected {names} for {chosen!r}")

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
+from setid.data.checks import word
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
@@ -174,10 +175,8 @@ def train_proved(
     if not 0 < weights < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     y, until = data.y[row, 0], time.monotonic() + time_limit
-    if method == "engine":
+    if word(method, "method", ("patterns", "engine"), ModelError) == "engine":
         return _by_engine(net, data, phi, y, float(weights), tolerance, until)
-    if method != "patterns":
-        raise ModelError(f"method: found {method!r}, expected 'patterns' or 'engine'")
     if inner.activation[0] in _PIECEWISE:
         return _by_patterns(net, data, phi, y, float(weights), tolerance, until, nodes)
     return _by_boxes(net, data, phi, y, float(weights), tolerance, until, nodes)
