@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
-from setid.data.checks import entries_of, without_mask, word
+from setid.data.checks import entries_of, number, without_mask, word
 from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
@@ -104,9 +104,7 @@ class Network:
                 "equal numbers, at least one"
             )
         _check_shapes(matrices, offsets)
-        slope = float(leak)
-        if not 0.0 <= slope <= 1.0:
-            raise ModelError(f"leak: found {leak!r}, expected a number in [0, 1]")
+        slope = slope_of(leak)
         for key, value in {
             "weights": matrices,
             "biases": offsets,
@@ -223,6 +221,14 @@ def _check_shapes(matrices: tuple[Reals, ...], offsets: tuple[Reals, ...]) -> No
                 f"weights[{i}]: found {w.shape[1]} columns, expected {matrices[i - 1].shape[0]}, "
                 "the outputs of the layer before"
             )
+
+
+def slope_of(leak: Any) -> float:
+    """Read a slope of leaky ReLU: outside [0, 1] it is not monotone or not 1-Lipschitz."""
+    slope = number(leak, "leak", ModelError)
+    if not 0.0 <= slope <= 1.0:
+        raise ModelError(f"leak: found {leak!r}, expected a number in [0, 1]")
+    return slope
 
 
 def _activations(given: str | Sequence[str], layers: int) -> tuple[str, ...]:

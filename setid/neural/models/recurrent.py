@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid import IOData, ModelError
 from setid.data.checks import word
 from setid.neural.arithmetic import ACTIVATIONS, activate
-from setid.neural.models.network import Network, finite_array
+from setid.neural.models.network import Network, finite_array, slope_of
 from setid.neural.models.regressor import check_record
 
 __all__ = ["GRU", "LSTM", "Elman", "NeuralStateSpace", "StateNetwork"]
@@ -123,12 +123,12 @@ class Elman(StateNetwork):
     activation : str
         Of all recurrent layers.
     leak : float
-        Slope of ``"leaky_relu"`` for negative arguments.
+        Slope of ``"leaky_relu"`` for negative arguments, in [0, 1].
 
     Raises
     ------
     ModelError
-        If shapes do not fit.
+        If shapes do not fit, or the slope is none.
 
     Notes
     -----
@@ -179,7 +179,7 @@ class Elman(StateNetwork):
             "layers": tuple(read),
             "output": _readout(output, below),
             "activation": activation,
-            "leak": float(leak),
+            "leak": slope_of(leak),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)

@@ -121,6 +121,16 @@ def test_gated_networks_need_the_range_of_their_inputs() -> None:
         neural.stability(net, [1, -1])
 
 
+@pytest.mark.parametrize("leak", [-3.0, -0.5, 5.0, np.nan, "steep", None])
+def test_slopes_that_are_not_monotone_are_refused(leak: object) -> None:
+    """With x -> max(0.9 x, 0) - 3 min(0.9 x, 0) distances of negative states grow by 2.7."""
+    layer = ([[1.0]], [[0.9]], [0.0])
+    with pytest.raises(setid.ModelError, match="leak: found"):
+        neural.Elman([layer], ([[1.0]], [0.0]), "leaky_relu", leak)
+    with pytest.raises(setid.ModelError, match="leak: found"):
+        neural.Network([[[1.0]], [[1.0]]], [[0.0], [0.0]], "leaky_relu", leak)
+
+
 def test_cascades_of_layers() -> None:
     layers = [([[1.0]], [[0.5]], [0.0]), ([[3.0]], [[0.6]], [0.0])]
     found = neural.stability(neural.Elman(layers))
