@@ -28,6 +28,7 @@ from setid.control.engine import (
     Verification,
     natural,
     number,
+    word,
 )
 from setid.control.parameters.parameter_set import (
     ParameterSet,
@@ -37,7 +38,6 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
-from setid.data.checks import word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -256,6 +256,8 @@ def stability_certificate(
     ('certified', True)
     """
     begin = time.monotonic()
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
     word(method, "method", ("small_gain", "characteristic"), SetidError)
     if margin is not None and not 0.0 < number(margin, "margin", SetidError) < 1.0:
         raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
+from setid.data.checks import natural, number
 from setid.neural.arithmetic import Interval, down, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
@@ -142,10 +143,11 @@ class Stability:
             value, for all time.
         """
         found = self.best if condition is None else condition
+        count = natural(steps, "steps", ModelError)
         reach, drive, show = _scales(found, inputs, errors)
-        value = up(reach * initial)
+        value = up(reach * _size(initial, "initial"))
         values = [value]
-        for _ in range(int(steps)):
+        for _ in range(count):
             value = up(up(found.rate * value) + drive)
             values.append(value)
         return np.asarray(up(show * np.array(values)), np.float64)
@@ -309,9 +311,18 @@ def _input_gain(net: Elman | NeuralStateSpace | RegressorNetwork) -> Reals:
     return np.array([up(np.sqrt(up(np.sum(item.drive**2) * (1.0 + 1e-12))))])
 
 
+def _size(given: float, field: str) -> float:
+    """Read the bound of a distance."""
+    value = number(given, field, ModelError)
+    if value < 0.0:
+        raise ModelError(f"{field}: found {given!r}, expected a number >= 0")
+    return value
+
+
 def _scales(item: Condition, inputs: float, errors: float) -> tuple[float, float, float]:
     """From the initial distance, to the drive, and back to the norm that is shown."""
-    push = up(up(item.drive * inputs) + up(item.error * errors))
+    fed, added = _size(inputs, "inputs"), _size(errors, "errors")
+    push = up(up(item.drive * fed) + up(item.error * added))
     if item.lyapunov is not None:
         low, high = size_bounds(item.lyapunov.P)
         root = float(up(np.sqrt(high)))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
-from setid.data.checks import word
+from setid.data.checks import entries_of, natural, word
 from setid.neural.arithmetic import ACTIVATIONS, activate, slope_at
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.models.network import Network
@@ -93,13 +93,16 @@ def initial(
     89
     """
     word(activation, "activation", ACTIVATIONS, ModelError)
+    natural(order, "order", ModelError, least=1)
+    listed = entries_of(widths, "widths", "one size a hidden layer", ModelError)
+    hidden = [natural(size, "widths", ModelError, least=1) for size in listed]
     phi, row = regressors(data, order)
     if not row.size:
         raise DataError(f"data: found no row with a complete regressor of order {order}")
     rng = np.random.default_rng(seed)
     mean, spread = phi.mean(axis=0), np.maximum(phi.std(axis=0), 1e-12)
     level, size = data.y[row].mean(axis=0), np.maximum(data.y[row].std(axis=0), 1e-12)
-    sizes = [phi.shape[1], *widths, data.outputs]
+    sizes = [phi.shape[1], *hidden, data.outputs]
     weights = [
         rng.normal(size=(after, before)) / np.sqrt(before)
         for before, after in zip(sizes[:-1], sizes[1:], strict=True)
