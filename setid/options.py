@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Literal
 
 import sparsepop_py as sp
-from setid.data.checks import number
+from setid.data.checks import number, word
 from setid.errors import SetidError
 from sparsepop_py.budget import Deadline
 
@@ -76,11 +76,7 @@ class Options:
         for name, limit in (("time_limit", self.time_limit), ("cpu_limit", self.cpu_limit)):
             if limit is not None and not number(limit, f"Options.{name}", SetidError) > 0:
                 raise SetidError(f"Options.{name}: found {limit!r}, expected seconds > 0")
-        if self.unidentifiable not in ("refuse", "report"):
-            raise SetidError(
-                f"Options.unidentifiable: found {self.unidentifiable!r}, expected 'refuse' or "
-                "'report'"
-            )
+        word(self.unidentifiable, "Options.unidentifiable", ("refuse", "report"), SetidError)
         if not isinstance(self.progress, bool):
             raise SetidError(f"Options.progress: found {self.progress!r}, expected True or False")
         if self.engine is not None and not isinstance(self.engine, sp.Options):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, floor, inf, log10
+from math import ceil, floor, inf, log10, prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,23 +168,25 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     once = _steps_once(step_record, begin)
     last = max(_settled(y, begin) for y in step_record.y.T) if once else inf
     settling = (last - begin) * step_record.Ts if last < inf else float("nan")
-    zero = zero_record
-    if zero is None:
-        zero = _at_rest(step_record, begin, last)
-    bound = None if zero is None else estimate_noise_bound(zero)
-    count = 0 if zero is None else (zero.samples if isinstance(zero, IOData) else np.shape(zero)[0])
+    if zero_record is None:
+        parts = _at_rest(step_record, begin, last)
+        bound = estimate_noise_bound(np.concatenate(parts)) if parts else None
+    else:
+        bound = estimate_noise_bound(zero_record)
+        parts = [zero_record.y if isinstance(zero_record, IOData) else np.asarray(zero_record)]
+    counts = [int(np.min(np.count_nonzero(~np.isnan(part), axis=0))) for part in parts]
     found = Advice(
         sampling_time=_rounded(settling / _USUAL),
         sampling_range=(_rounded(settling / _MOST), _rounded(settling / _FEWEST)),
         settling_time=settling,
         noise_bound=bound,
-        coverage=_coverage(int(count)),
+        coverage=_coverage(counts),
         saturation=FrozenMapping(_saturated(step_record)),
         quantisation=FrozenMapping(_quantised(step_record)),
         text="",
         record=step_record,
     )
-    return replace(found, text="\n".join(_sentences(found, int(count), zero_record is not None)))
+    return replace(found, text="\n".join(_sentences(found, sum(counts), zero_record is not None)))
 
 
 # ---- what a step response shows ---------------------------------------------------------
@@ -230,14 +232,13 @@ def _settled(y: Reals, begin: int) -> float:
     return inf if moving or last > y.size - tail.size / 2 else float(last)
 
 
-def _at_rest(data: IOData, begin: int, last: float) -> Reals | None:
-    """Deviations (N, ny) from rest, before the step and after settling."""
+def _at_rest(data: IOData, begin: int, last: float) -> list[Reals]:
+    """Deviations (N, ny) from rest, before the step and after settling, each about its middle."""
     parts = [data.y[:begin]] if begin > 3 and _constant(data.u[:begin]) else []
     if last < data.samples - 3 and _constant(data.u[begin:]):
         parts.append(data.y[int(last) + (data.samples - int(last)) // 2 :])
     parts = [part[~np.any(np.isnan(part), axis=1)] for part in parts]
-    parts = [part - (part.max(axis=0) + part.min(axis=0)) / 2 for part in parts if len(part) > 1]
-    return np.concatenate(parts) if parts else None
+    return [part - (part.max(axis=0) + part.min(axis=0)) / 2 for part in parts if len(part) > 1]
 
 
 def _constant(u: Reals) -> bool:
@@ -245,14 +246,17 @@ def _constant(u: Reals) -> bool:
     return bool(np.all(np.nanmax(u, axis=0) == np.nanmin(u, axis=0)))
 
 
-def _coverage(count: int) -> float:
-    """Share p of noise samples in the range of N: 1 - N p^(N-1) + (N-1) p^N = confidence."""
-    if count < 2:
+def _coverage(counts: list[int]) -> float:
+    """Share p of noise samples in the widest range of several parts of N samples each.
+
+    A part misses it with the probability N p^(N-1) - (N-1) p^N; the widest misses it if all do.
+    """
+    if max(counts, default=0) < 2:
         return 0.0
     low, high = 0.0, 1.0
     for _ in range(60):
         p = 0.5 * (low + high)
-        sure = 1.0 - count * p ** (count - 1) + (count - 1) * p**count
+        sure = 1.0 - prod(n * p ** (n - 1) - (n - 1) * p**n for n in counts if n > 1)
         low, high = (p, high) if sure >= _CONFIDENCE else (low, p)
     return low
 

@@ -15,7 +15,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, frozen, word
 from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
@@ -271,16 +271,13 @@ def fit(
     >>> 0 < found.lower_bound <= found.error, bool(found.verify())
     (True, True)
     """
-    if norm not in ("linf", "l2", "l1"):
-        raise SetidError(f"norm: found {norm!r}, expected 'linf', 'l2' or 'l1'")
+    word(norm, "norm", ("linf", "l2", "l1"), SetidError)
     check_channels(data, model)
     settings = options or Options(time_limit=60.0)
-    if errors == "equation":
+    if word(errors, "errors", ("output", "equation"), SetidError) == "equation":
         if listed(priors):
             raise SetidError("priors: found some, expected none for equation errors")
         return _equation(data, model, norm)
-    if errors != "output":
-        raise SetidError(f"errors: found {errors!r}, expected 'output' or 'equation'")
     return _output(data, model, norm, tuple(listed(priors)), settings)
 
 

@@ -60,15 +60,18 @@ class Sensitivity:
     signs : (F, p) int
         1 or -1 where the sign is proved, 0 where it is not. All are 0 for an empty set.
     lost : mapping of str to (float, float)
-        For each sign that is proved at the factor 1: up to the first factor it is proved, at
-        the second a consistent parameter of the other sign (or zero) is attained, infinite where
-        none was found. Both are infinite where the bounds of priors give the sign.
+        For each sign that is proved at the factor 1: up to the first factor it is proved, by its
+        level or an identification; at the second a consistent parameter of the other sign (or
+        zero) is attained, infinite where none was found. Both are infinite where the bounds of
+        priors give the sign.
     least : Consistency
         The least factor that explains the record.
     results : tuple of Identification
         One a factor.
     levels : mapping of str to Consistency
-        What proves ``lost``, where the record does.
+        What proves ``lost``, where the record does, with the signs of ``base`` and ``results``.
+    base : Identification
+        The result itself, at the factor 1.
 
     Examples
     --------
@@ -88,6 +91,7 @@ class Sensitivity:
     least: Consistency
     results: tuple[Identification, ...]
     levels: Mapping[str, Consistency]
+    base: Identification
 
     def table(self) -> str:
         """Outer ends and signs, one row a factor and parameter."""
@@ -105,7 +109,9 @@ class Sensitivity:
         """Check every interval and every factor again, without any solver."""
         levels = [("the least factor", self.least.verify())]
         levels += [(f"the sign of {name}", level.verify()) for name, level in self.levels.items()]
-        results = zip(self.factors, self.results, strict=True)
+        results = list(zip(self.factors.tolist(), self.results, strict=True))
+        if not any(result is self.base for result in self.results):
+            results.append((1.0, self.base))
         levels += [(f"factor {factor:g}", result.verify()) for factor, result in results]
         for what, verdict in levels:
             if not verdict:
@@ -240,17 +246,18 @@ def sensitivity(
     found = map_in_order(executor, _answer, tasks)
     results, least = tuple(found[: len(values)]), found[len(values)]
     levels = dict(zip([name for name, _ in signed], found[len(values) + 1 :], strict=True))
+    proved = _proved(((1.0, result), *zip(values, results, strict=True)))
+    lost = {n: (max(level.scale[0], proved[n]), level.scale[1]) for n, level in levels.items()}
     return Sensitivity(
         names=formulation.parameters,
         factors=frozen(np.array(values)),
         outer=frozen(np.array([[i.outer for i in r.intervals.values()] for r in results])),
         signs=frozen(np.array([_signs(r) for r in results])),
-        lost=FrozenMapping(
-            {name: (inf, inf) if name in given else levels[name].scale for name, _ in every}
-        ),
+        lost=FrozenMapping({name: lost.get(name, (inf, inf)) for name, _ in every}),
         least=least,
         results=results,
         levels=FrozenMapping(levels),
+        base=result,
     )
 
 
@@ -297,6 +304,16 @@ def _signs(result: Identification) -> list[int]:
     return [
         int(item.outer[0] > 0.0) - int(item.outer[1] < 0.0) for item in result.intervals.values()
     ]
+
+
+def _proved(results: Iterable[tuple[float, Identification]]) -> dict[str, float]:
+    """Largest factor whose identification proves a sign; less noise leaves no other members."""
+    found: dict[str, float] = {}
+    for factor, result in results:
+        for name, sign in zip(result.intervals, _signs(result), strict=True):
+            if sign:
+                found[name] = max(factor, found.get(name, 0.0))
+    return found
 
 
 def _given(formulation: Formulation) -> set[str]:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands.responses import Kind
-from setid.data.checks import frozen, real_array
+from setid.data.checks import frozen, real_array, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -170,13 +170,11 @@ def static_band(
     slopes, constant = _directions(model, target, item, points)
     theta = nominal(result)
     middle = slopes @ theta + constant
-    if kind == "sampled":
+    if word(kind, "kind", ("proved", "sampled"), SetidError) == "sampled":
         values = members(result) @ slopes.T + constant
         low, high = values.min(axis=0), values.max(axis=0)
-    elif kind == "proved":
-        low, high = _proved(result, cover_of(result), slopes, constant, seconds)
     else:
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+        low, high = _proved(result, cover_of(result), slopes, constant, seconds)
     low, high = frozen(np.asarray(low, np.float64)), frozen(np.asarray(high, np.float64))
     arguments = item.arguments
     return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
@@ -188,9 +186,7 @@ def _map_of(result: FeasibleSet, name: str | None) -> tuple[BlockStructured, str
         raise ModelError(f"result: found a {type(model).__name__}, expected one with static maps")
     maps = dict(model.maps)
     target = next(iter(maps)) if name is None and len(maps) == 1 else name
-    if target not in maps:
-        raise ModelError(f"name: found {name!r}, expected one of {', '.join(maps)}")
-    assert target is not None
+    target = word(target, "name", maps, ModelError)
     return model, target, maps[target]
 
 
@@ -296,9 +292,9 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     """
     check_result(result)
     model, data = result.formulation.model, result.formulation.data
-    if not isinstance(model, BlockStructured) or name not in model.internal:
-        known = ", ".join(getattr(model, "internal", ()))
-        raise ModelError(f"name: found {name!r}, expected an internal signal ({known})")
+    if not isinstance(model, BlockStructured) or not model.internal:
+        raise ModelError(f"name: found {name!r:.60}, expected a structure with internal signals")
+    word(name, "name", model.internal, ModelError)
     groups = result.formulation.layout.groups
     if name in groups:
         return _unknown_band(result, name, groups[name])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from setid.bands.enclosing import Accuracy, record_bands
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, frozen, word
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -267,8 +267,8 @@ def simulate_band(
     ('proved', True)
     """
     check_result(result)
-    if kind not in (None, "proved", "sampled"):
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+    if kind is not None:
+        word(kind, "kind", ("proved", "sampled"), SetidError)
     accuracy = Accuracy(tolerance, time_limit, samples)
     record, bounds = _record(result, data, noise)
     model, theta, eta = result.formulation.model, nominal(result), bounds[0]
@@ -387,12 +387,10 @@ def compare(
     (array([92.2]), 0)
     """
     check_result(result)
-    if mode == "simulation":
+    if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
         band = simulate_band(result, validation, kind, noise)
-    elif mode == "prediction":
-        band = predict(result, validation, noise)
     else:
-        raise SetidError(f"mode: found {mode!r}, expected 'simulation' or 'prediction'")
+        band = predict(result, validation, noise)
     candidates = _candidates(result, mode)
     model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted
     outputs = {name: outputs_of(model, t, band.data) for name, t in candidates.items()}

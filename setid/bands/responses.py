@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
-from setid.data.checks import frozen, natural, number, real_array
+from setid.data.checks import frozen, natural, number, real_array, word
 from setid.errors import SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -239,7 +239,7 @@ def frequency_band(
     theta = nominal(result)
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
     arcs = None
-    if kind == "proved":
+    if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
         until = time.monotonic() + number(time_limit, "time_limit", SetidError)
         cover, _ = principal_cover(result, _SHARE * time_limit)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
@@ -249,11 +249,9 @@ def frequency_band(
             families = families_of(transfer_of(model, output, input), model.parameters)
             arcs = refined_arcs(cover, theta, families, until)
             found = _met(found, arcs, frequencies * data.Ts, response)
-    elif kind == "sampled":
+    else:
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
-    else:
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     magnitude, turn, regions = found
     angle = np.unwrap(np.angle(response))
     return FrequencyBand(

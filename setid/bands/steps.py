@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from setid.bands.enclosing import Accuracy, band_of, rows_of
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import frozen, natural, switch
+from setid.data.checks import frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -173,17 +173,15 @@ def step_band(
     u[:, input - 1] = 1.0
     centre = simulate(model, theta, u)[:, column]
     later, report = (-np.inf, np.inf), None
-    if kind == "proved":
+    if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
         low, high, attained, later, report = _proved_step(
             result, (count, column, input - 1), theta, accuracy, later_on
         )
-    elif kind == "sampled":
+    else:
         thetas = np.vstack([theta, _plant(model, members(result, samples, seed))])
         with np.errstate(over="ignore", invalid="ignore"):
             found = np.array([simulate(model, t, u)[:, column] for t in thetas])
         low, high = attained = found.min(axis=0), found.max(axis=0)
-    else:
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     time = np.arange(count) * data.Ts
     columns = (frozen(x) for x in (time, centre, low, high, *attained))
     t, middle, a, b, c, d = columns

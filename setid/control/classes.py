@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.control.engine import ModelError, TransferFunction, natural, number
+from setid.control.engine import ModelError, TransferFunction, entries_of, natural, number
 from setid.control.transfer import Exact, Transfer, times
 
 __all__ = ["LTI", "PID", "Controller", "Fixed", "Polynomials"]
@@ -183,8 +183,13 @@ class Polynomials(Controller):
     denominator: Sequence[float] = (1.0,)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "numerators", tuple(tuple(row) for row in self.numerators))
-        object.__setattr__(self, "denominator", tuple(self.denominator))
+        rows = entries_of(self.numerators, "numerators", "polynomials", ModelError)
+        if not rows:
+            raise ModelError("numerators: found none, expected at least one polynomial")
+        parts = [entries_of(row, "numerators", "lists of coefficients", ModelError) for row in rows]
+        below = entries_of(self.denominator, "denominator", "coefficients", ModelError)
+        object.__setattr__(self, "numerators", tuple(tuple(row) for row in parts))
+        object.__setattr__(self, "denominator", tuple(below))
         self.fixed(1.0)
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:

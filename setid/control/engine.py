@@ -5,7 +5,16 @@ from __future__ import annotations
 from types import ModuleType
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, frozen, natural, number, real_array, switch
+from setid.data.checks import (
+    FrozenMapping,
+    entries_of,
+    frozen,
+    natural,
+    number,
+    real_array,
+    switch,
+    word,
+)
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -44,6 +53,7 @@ __all__ = [
     "TransferFunction",
     "Verification",
     "consistent",
+    "entries_of",
     "formulate",
     "from_json",
     "frozen",
@@ -59,6 +69,7 @@ __all__ = [
     "real_array",
     "switch",
     "to_json",
+    "word",
     "write",
 ]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from setid.control.engine import ModelError, SetidError, frozen, number, real_array
+from setid.control.engine import ModelError, SetidError, frozen, natural, number, real_array
 from setid.control.transfer import Transfer, as_transfer, is_schur, simulate_exactly, times
 
 __all__ = ["Matching", "check_matching", "ideal_controller", "reference_model", "target_signal"]
@@ -337,5 +337,5 @@ def with_zeros(M: Transfer, delay: int, zeros: ArrayLike) -> Transfer:
     gain = sum(factor)
     if gain == 0:
         raise ModelError("zeros: found z = 1, expected others: the static gain would be 0")
-    shift = [Fraction(0)] * delay
+    shift = [Fraction(0)] * natural(delay, "delay", ModelError)
     return M * Transfer([*shift, *(c / gain for c in factor)], [1], M.Ts)

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from setid.control.engine import ModelError, SetidError, frozen, number, python_control, real_array
+from setid.control.engine import (
+    ModelError,
+    SetidError,
+    entries_of,
+    frozen,
+    number,
+    python_control,
+    real_array,
+)
 
 __all__ = ["Exact", "Transfer", "as_transfer", "is_schur", "simulate_exactly", "times"]
 
@@ -329,7 +337,8 @@ def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64
 
 def _exact(given: Iterable[float | Fraction], field: str) -> Exact:
     found = []
-    for place, value in enumerate(np.ravel(np.array(list(given), dtype=object))):
+    listed = entries_of(given, field, "coefficients", ModelError)
+    for place, value in enumerate(np.ravel(np.array(listed, dtype=object))):
         if isinstance(value, (Fraction, int)) and not isinstance(value, bool):
             found.append(Fraction(value))
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import nan
 from typing import Any, TypeVar
 
@@ -25,6 +25,7 @@ __all__ = [
     "starts_of",
     "switch",
     "without_mask",
+    "word",
 ]
 
 K = TypeVar("K")
@@ -120,6 +121,15 @@ def switch(given: Any, field: str, error: type[SetidError]) -> bool:
     if not isinstance(given, (bool, np.bool_)):
         raise error(f"{field}: found {given!r:.60}, expected True or False")
     return bool(given)
+
+
+def word(given: Any, field: str, words: Iterable[str], error: type[SetidError]) -> str:
+    """One of some words; arrays and others that cannot be compared raise too."""
+    known = list(words)
+    if not isinstance(given, str) or given not in known:
+        listed = " or ".join(map(repr, known)) if len(known) < 3 else f"one of {', '.join(known)}"
+        raise error(f"{field}: found {given!r:.60}, expected {listed}")
+    return given
 
 
 def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> list[Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import entries_of, frozen, number, real_array, switch
+from setid.data.checks import entries_of, frozen, number, real_array, switch, word
 from setid.data.record import IOData
 from setid.errors import NoiseError
 
@@ -329,13 +329,14 @@ def estimate_noise_bound(
     if np.any(np.nan_to_num(record.u) != 0.0):
         raise NoiseError("zero_input_record: found inputs that are not zero, expected rest")
     low, high = np.nanmin(record.y, axis=0), np.nanmax(record.y, axis=0)
+    read = int(np.min(np.count_nonzero(~np.isnan(record.y), axis=0)))
     centre = (low + high) / 2 if offset else np.zeros_like(low)
     value = factor * np.maximum(high - centre, centre - low)
     text = ", ".join(f"{v:g}" for v in value)
     return EstimatedBound(
         frozen(value),
         frozen(centre),
-        f"bound {text} estimated from {record.samples} samples at rest (margin {factor:g})",
+        f"bound {text} estimated from {read} samples at rest (margin {factor:g})",
     )
 
 
@@ -373,8 +374,7 @@ def _spread(bound: Bound, field: str, samples: int, channels: int) -> NDArray[np
 
 
 def _check_set(kind: str, size: float, field: str) -> None:
-    if kind not in GROUPS:
-        raise NoiseError(f"kind: found {kind!r}, expected one of {', '.join(GROUPS)}")
+    word(kind, "kind", GROUPS, NoiseError)
     if not 0 <= number(size, field, NoiseError) < np.inf:
         raise NoiseError(f"{field}: found {size!r}, expected a number >= 0")
 

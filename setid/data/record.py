@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.channels import labels, names_of, units_of
-from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
+from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of, word
 from setid.data.frames import frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
@@ -467,8 +467,7 @@ class IOData:
         ----------
         kind : {"constant", "linear"}
         """
-        if kind not in ("constant", "linear"):
-            raise DataError(f"kind: found {kind!r}, expected 'constant' or 'linear'")
+        word(kind, "kind", ("constant", "linear"), DataError)
         degree = 0 if kind == "constant" else 1
         bounds = [*self.starts.tolist(), self.samples]
         parts = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.data.checks import word
 from setid.errors import DataError
 
 __all__ = ["column_names", "Column", "Table", "has_names", "read_table"]
@@ -82,8 +83,7 @@ def read_table(
         a missing sample, a line with another number of fields, a blank line or a comment between
         samples, a first line that is half names and half numbers.
     """
-    if decimal not in (".", ","):
-        raise DataError(f"decimal: found {decimal!r}, expected '.' or ','")
+    word(decimal, "decimal", (".", ","), DataError)
     lines = _lines(path)
     begin = next((k for k, (_, line) in enumerate(lines) if not _is_comment(line)), len(lines))
     while lines and not lines[-1][1]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import logm
 
-from setid.data.checks import frozen
+from setid.data.checks import frozen, word
 from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
@@ -129,8 +129,7 @@ def to_continuous(
             "result: expected a discrete transfer function of one input and one output; "
             "continuous-time structures have physical parameters already"
         )
-    if method not in ("zoh", "matched"):
-        raise SetidError(f"method: found {method!r}, expected 'zoh' or 'matched'")
+    word(method, "method", _CONVERT, SetidError)
     convert, Ts = _CONVERT[method], result.formulation.data.Ts
     centre = convert(*coefficients(model, nominal(result)), Ts)
     if centre is None:

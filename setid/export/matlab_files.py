@@ -110,6 +110,7 @@ def ureal_script(result: FeasibleSet) -> str:
     ModelError
         As there.
     """
+    check_result(result)
     result.require_members()
     formulation = result.formulation
     model = formulation.model

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands.responses import frequency_band
-from setid.data.checks import frozen
+from setid.data.checks import frozen, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import members, nominal
@@ -120,6 +120,7 @@ def to_control(
     ('sampled', 3)
     """
     check_result(result)
+    word(kind, "kind", ("sampled", "proved"), SetidError)
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares as gauss_newton
 from scipy.optimize import nnls
 
-from setid.data.checks import frozen
+from setid.data.checks import frozen, word
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import least_squares
@@ -244,11 +244,9 @@ def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
 def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
     """Errors over the identification record as a function of theta."""
     data, model = result.formulation.data, result.formulation.model
-    if goal == "prediction":
+    if word(goal, "goal", ("simulation", "prediction"), SetidError) == "prediction":
         rows = regression_of_data(data, model)
         return lambda theta: np.asarray(rows.target + rows.regressors @ theta, np.float64)
-    if goal != "simulation":
-        raise SetidError(f"goal: found {goal!r}, expected 'simulation' or 'prediction'")
     counted = ~np.isnan(data.y) & ~started(model, data)[:, None]
 
     def errors(theta: Reals) -> Reals:

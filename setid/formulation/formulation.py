@@ -150,13 +150,13 @@ class Formulation:
         SetidError
             If there is no such parameter.
         """
-        name = (target or self.parameters[0]).strip()
+        name = str("" if target is None else target).strip() or self.parameters[0]
         sign = -1.0 if name.startswith("-") else 1.0
         name = name.removeprefix("-").strip()
         if name not in self.parameters:
             raise SetidError(
-                f"target: found {target!r}, expected one of {', '.join(self.parameters)}, with a "
-                "minus sign to maximise"
+                f"target: found {target!r:.60}, expected one of {', '.join(self.parameters)}, "
+                "with a minus sign to maximise"
             )
         return sp.to_structs(self.problem.with_objective(sign * self.layout.variable(name)))
 
@@ -302,7 +302,8 @@ def formulate(
     if not np.any(built.rows.sample):
         raise DataError(
             f"data: found {data.samples} samples in {data.records} records and no complete "
-            f"equation, expected more than {max(e.lag for e in built.equations)} in a record"
+            f"equation, expected more than {max(e.lag for e in built.equations)} in a row without "
+            "missing readings, in one record"
         )
     return Formulation(
         problem=built.problem,

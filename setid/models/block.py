@@ -189,7 +189,7 @@ class Lure(BlockStructured):
                 "the loop can be solved sample by sample"
             )
         maps = {"w": StaticMap("y1", basis)}
-        if normalise == "nolinear":
+        if isinstance(normalise, str) and normalise == "nolinear":
             normalise = {"gamma1": 0.0}
         super().__init__(
             {("y1", "u1 - w"): linear}, maps, normalise=normalise, initial=initial, form=form

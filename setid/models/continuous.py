@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import natural, number, switch
+from setid.data.checks import natural, number, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from setid.models.html import InNotebook
@@ -160,8 +160,9 @@ class ContinuousTransferFunction(InNotebook):
             ("hold", hold, get_args(Hold)),
             ("initial", initial, get_args(Initial)),
         ):
-            if value not in known:
-                raise ModelError(f"{field}: found {value!r}, expected one of {', '.join(known)}")
+            word(value, field, known, ModelError)
+        estimated = isinstance(delta, str) and delta == "estimate"
+        deviation = delta if estimated else _size(delta, "delta", least=0.0)
         if degree > order - (hold == "constant" and method != "indirect"):
             raise ModelError(
                 f"m: found {degree}, expected at most n = {order}, and less with hold='constant': "
@@ -172,7 +173,7 @@ class ContinuousTransferFunction(InNotebook):
                 f"tau: found {tau!r}, expected the time constant of the filter with "
                 "method='lambda', and none otherwise"
             )
-        if method == "indirect" and delta != 0.0:
+        if method == "indirect" and deviation != 0.0:
             raise ModelError(
                 f"delta: found {delta!r}, expected 0 with method='indirect': the discrete model "
                 "has no discretisation error"
@@ -186,7 +187,7 @@ class ContinuousTransferFunction(InNotebook):
             "n": order,
             "m": degree,
             "method": method,
-            "delta": delta if delta == "estimate" else _size(delta, "delta", least=0.0),
+            "delta": deviation,
             "tau": None if tau is None else _size(tau, "tau"),
             "hold": hold,
             "Ts": None if Ts is None else _size(Ts, "Ts"),

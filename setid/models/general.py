@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import entries_of, natural, number
+from setid.data.checks import entries_of, natural, number, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Transfer, channel_of
 from setid.models.html import InNotebook
@@ -146,7 +146,8 @@ def read_normalisation(
         If a name is unknown.
     """
     one = isinstance(given, (str, Mapping))
-    items = [given] if one else entries_of(given or (), "normalise", "names or numbers", ModelError)
+    several = () if given is None else given
+    items = [given] if one else entries_of(several, "normalise", "names or numbers", ModelError)
     fixed: dict[str, float] = {}
     gains: list[str] = []
     labels = [block.label for block in wiring.blocks]
@@ -258,10 +259,8 @@ class BlockStructured(InNotebook):
         initial: Initial = "free",
         form: Form = "auto",
     ) -> None:
-        if initial not in ("free", "zero"):
-            raise ModelError(f"initial: found {initial!r}, expected 'free' or 'zero'")
-        if form not in ("auto", "direct", "partial"):
-            raise ModelError(f"form: found {form!r}, expected 'auto', 'direct' or 'partial'")
+        word(initial, "initial", ("free", "zero"), ModelError)
+        word(form, "form", ("auto", "direct", "partial"), ModelError)
         blocks = read_blocks(linear)
         maps = read_maps(nonlinear, blocks, (inputs, outputs), initial)
         wiring = Wiring(blocks, maps, {})

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import natural, switch
+from setid.data.checks import natural, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
 from setid.models.html import InNotebook
@@ -102,11 +102,8 @@ class TransferFunction(InNotebook):
     ) -> None:
         columns = natural(inputs, "inputs", ModelError, least=1)
         rows = natural(outputs, "outputs", ModelError, least=1)
-        if initial not in ("free", "zero"):
-            raise ModelError(f"initial: found {initial!r}, expected 'free' or 'zero'")
-        if form not in get_args(Form):
-            known = ", ".join(repr(name) for name in get_args(Form))
-            raise ModelError(f"form: found {form!r}, expected one of {known}")
+        word(initial, "initial", ("free", "zero"), ModelError)
+        word(form, "form", get_args(Form), ModelError)
         fields: dict[str, Any] = {
             "na": _orders(na, "na", rows, columns),
             "nb": _orders(nb, "nb", rows, columns, least=1),

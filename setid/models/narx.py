@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from setid.data.checks import natural
+from setid.data.checks import natural, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Transfer, term
 from setid.models.html import InNotebook
@@ -85,8 +85,7 @@ class PolynomialNARX(InNotebook):
         initial: Initial = "free",
         degree_cut: bool = True,
     ) -> None:
-        if initial not in ("free", "zero"):
-            raise ModelError(f"initial: found {initial!r}, expected 'free' or 'zero'")
+        word(initial, "initial", ("free", "zero"), ModelError)
         fields: dict[str, Any] = {
             "ny": natural(ny, "ny", ModelError),
             "nu": natural(nu, "nu", ModelError),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.data.checks import word
 from setid.errors import SetidError
 from setid.plots.axes import (
     ATTAINED,
@@ -52,10 +53,9 @@ def plot_frequency_band(
         "nyquist": _nyquist,
         "nichols": _nichols,
     }
-    if kind not in drawers:
-        raise SetidError(f"kind: found {kind!r}, expected one of {', '.join(drawers)}")
+    draw = drawers[word(kind, "kind", drawers, SetidError)]
     require_matplotlib()
-    return drawers[kind](band, ax)
+    return draw(band, ax)
 
 
 def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:

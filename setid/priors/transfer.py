@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 import sparsepop_py as sp
-from setid.data.checks import number
+from setid.data.checks import number, word
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure, Transfer
@@ -62,8 +62,7 @@ class Stable(Plain):
                 f"Stable.margin: found {self.margin!r}, expected a number >= 0, and below 1 in "
                 "discrete time"
             )
-        if self.form not in ("step-up", "jury"):
-            raise PriorError(f"Stable.form: found {self.form!r}, expected 'step-up' or 'jury'")
+        word(self.form, "Stable.form", ("step-up", "jury"), PriorError)
 
     def __repr__(self) -> str:
         form = "" if self.form == "step-up" else f", form={self.form!r}"

@@ -5,8 +5,9 @@ The polynomials and their Taylor forms are those of :mod:`setid.proofs.frequency
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from math import pi
+from math import inf, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,7 @@ def zero_free(
     reference: Reals,
     arcs: Sequence[Arc] | None = None,
     hint: Sequence[float] = (),
+    until: float = inf,
 ) -> list[float]:
     """Prove that a family has no zero on the unit circle, on the set joined with a reference.
 
@@ -75,6 +77,8 @@ def zero_free(
         All of [0, pi] when left out.
     hint : sequence of float
         Frequencies that are looked at first.
+    until : float
+        Reading of ``time.monotonic`` after which no arc is halved.
 
     Returns
     -------
@@ -95,7 +99,7 @@ def zero_free(
         clear = _half_planes(found, family, reference, unproved)
         failed = [arc for arc, ok in zip(unproved, clear, strict=True) if not ok]
         bad = [arc[0] for arc in failed if arc[1] < _LEAST]
-        if bad or count > _MOST:
+        if bad or count > _MOST or time.monotonic() > until:
             return bad or [arc[0] for arc in failed]
         if failed:
             single = _half_planes(found, family, reference, [(arc[0], 0.0) for arc in failed])
@@ -139,6 +143,7 @@ def ratio_on_arcs(
     reference: Reals,
     enough: float,
     arcs: Sequence[Arc] | None = None,
+    until: float = inf,
 ) -> list[tuple[float, float, float]]:
     """Proved bounds of abs(top / below) on arcs that cover [0, pi].
 
@@ -154,6 +159,8 @@ def ratio_on_arcs(
     enough : float
         Arcs whose bound is no larger are not refined.
     arcs : sequence of (centre, half width), optional
+    until : float
+        Reading of ``time.monotonic`` after which no arc is halved.
 
     Returns
     -------
@@ -168,10 +175,11 @@ def ratio_on_arcs(
         bounds = _ratios(found, top, below, reference, coarse)
         floor = _ratios(found, top, below, reference, [(c, 0.0) for c, _ in coarse])
         following: list[Arc] = []
+        late = count > _MOST or time.monotonic() > until
         for arc, bound, least in zip(coarse, bounds, floor, strict=True):
             hopeless = not bound < np.inf and not least < np.inf
             close = bound <= max(enough, 1.05 * least)
-            if close or hopeless or arc[1] < _LEAST or count > _MOST:
+            if close or hopeless or arc[1] < _LEAST or late:
                 done.append((arc, float(bound)))
             else:
                 following += halves(arc)

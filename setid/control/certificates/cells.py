@@ -42,8 +42,10 @@ class Attempt:
 class Claim(Protocol):
     """A claim that is proved cell by cell."""
 
-    def attempt(self, found: ParameterSet, hint: Sequence[float] = ()) -> Attempt:
-        """Try to prove it on one cell, frequencies of the hint first."""
+    def attempt(
+        self, found: ParameterSet, hint: Sequence[float] = (), until: float = inf
+    ) -> Attempt:
+        """Try to prove it on one cell within a deadline, frequencies of the hint first."""
 
     def excluded(self, found: ParameterSet) -> bool:
         """Check that an assumption excludes all members of a cell."""
@@ -78,7 +80,7 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float, most: floa
     found : ParameterSet
     claim : Claim
     until : float
-        Reading of ``time.monotonic`` after which no cell is cut.
+        Reading of ``time.monotonic`` after which no cell and no arc is cut.
     most : float
         Cells after which none is cut.
     """
@@ -88,7 +90,7 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float, most: floa
     while unproved:
         cell, hint = unproved.pop()
         count += 1
-        attempt = claim.attempt(cell, hint)
+        attempt = claim.attempt(cell, hint, until)
         if attempt.proved:
             arcs += attempt.arcs
             continue

@@ -28,6 +28,7 @@ from setid.control.engine import (
     Verification,
     natural,
     number,
+    word,
 )
 from setid.control.parameters.parameter_set import (
     ParameterSet,
@@ -221,7 +222,7 @@ def stability_certificate(
     integrators : int
         Plant poles at exactly z = 1, 0 or 1.
     time_limit : float
-        Seconds. An arc's linear programs that have begun are ended, so that large records may
+        Seconds. Linear programs of arcs that have begun are ended, so that large records may
         take a little longer.
     snap : float
         Largest value of a denominator at z = 1, relative to its coefficients, that is taken
@@ -255,8 +256,9 @@ def stability_certificate(
     ('certified', True)
     """
     begin = time.monotonic()
-    if method not in ("small_gain", "characteristic"):
-        raise SetidError(f"method: found {method!r}, expected 'small_gain' or 'characteristic'")
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    word(method, "method", ("small_gain", "characteristic"), SetidError)
     if margin is not None and not 0.0 < number(margin, "margin", SetidError) < 1.0:
         raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")
     noise = _output_noise(noise)
@@ -362,8 +364,8 @@ class Question:
         if found is None or found.empty:
             return found, outcome
         now = time.monotonic()
-        for part in (0.0, 0.2):  # of the time that is left, before the engine is asked
-            outcome = prove_over_cells(found, claim, now + part * (until - now))
+        for part, most in ((1.0, 1), (0.2, inf)):  # of the time left, before the engine is asked
+            outcome = prove_over_cells(found, claim, now + part * (until - now), most)
             if outcome.proved or time.monotonic() > until:
                 break
         return found, outcome

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,14 +73,16 @@ class Characteristic:
             k.denominator, k.numerator, self.model.na[0][0], lags_of(self.model)
         )
 
-    def attempt(self, found: ParameterSet, hint: Sequence[float] = ()) -> Attempt:
+    def attempt(
+        self, found: ParameterSet, hint: Sequence[float] = (), until: float = inf
+    ) -> Attempt:
         """Zero exclusion on the circle, sign of the leading coefficient, and one stable loop."""
         family, theta = self.family, found.centre
         low, _ = found.ranges(family.constants[:1], family.weights[:1])
         lead = float(low[0]) > 0.0 and family.at(theta)[0] > 0.0
         if not lead or not is_schur(closed_loop_polynomial(self.controller, self.model, theta)):
             return Attempt(False, [0.0], (), family)
-        bad = zero_free(found, family, theta, hint=hint)
+        bad = zero_free(found, family, theta, hint=hint, until=until)
         return Attempt(not bad, bad, (), family)
 
     def excluded(self, found: ParameterSet) -> bool:

@@ -75,19 +75,21 @@ class SmallGain:
         top = Family(first.constants + b.constants, first.weights + b.weights)
         return top, below, own
 
-    def attempt(self, found: ParameterSet, hint: Sequence[float] = ()) -> Attempt:
+    def attempt(
+        self, found: ParameterSet, hint: Sequence[float] = (), until: float = inf
+    ) -> Attempt:
         """Bound abs(Delta) on arcs; failing frequencies where the bound is 1 or more."""
         top, below, own = self.families()
         theta = found.centre
         if self.margin is None:
-            bad = zero_free(found, own, theta, hint=hint)
+            bad = zero_free(found, own, theta, hint=hint, until=until)
             if bad or not is_schur([Fraction(c) for c in own.at(theta)]):
                 return Attempt(False, bad or [0.0], (), own)
         if hint and not max(b for *_, b in self._gains(found, theta, hint)) < _BELOW_ONE:
             return Attempt(False, list(hint), (), below)
         nominal = _nominal(top, below, theta)
         enough = nominal + _SPARE * max(1.0 - nominal, 0.0)
-        arcs = tuple(ratio_on_arcs(found, top, below, theta, enough))
+        arcs = tuple(ratio_on_arcs(found, top, below, theta, enough, until=until))
         bad = [0.5 * (a + b) for a, b, bound in arcs if not bound < _BELOW_ONE]
         return Attempt(not bad, bad, arcs, below)
 

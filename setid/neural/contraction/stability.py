@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
+from setid.data.checks import natural, number
 from setid.neural.arithmetic import Interval, down, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
@@ -124,13 +125,14 @@ class Stability:
         ----------
         steps : int
         initial : float
-            Bound of the distance of the initial states: in the Euclidean norm (of each block:
-            layers of Elman, cells and outputs of LSTM) for conditions in the 2-norm and the LMI,
-            as the largest entry for the others.
+            Bound of the distance of the initial states: in the Euclidean norm of each block
+            (layers of Elman, cells and outputs of LSTM) for conditions in the 2-norm, of the whole
+            state for the LMI, as the largest entry for the others.
         inputs : float
             Bound of the distance of the inputs at each step, in the same norm.
         errors : float
-            Bound of errors added to one of the states at each step, in the same norm.
+            Bound of errors added to the state of one run at each step, in the same norm. For
+            LSTM and GRU the state has to stay in its range with them, see ``assumptions``.
         condition : Condition, optional
             One that holds; that of least rate where left out.
 
@@ -141,10 +143,11 @@ class Stability:
             value, for all time.
         """
         found = self.best if condition is None else condition
+        count = natural(steps, "steps", ModelError)
         reach, drive, show = _scales(found, inputs, errors)
-        value = up(reach * initial)
+        value = up(reach * _size(initial, "initial"))
         values = [value]
-        for _ in range(int(steps)):
+        for _ in range(count):
             value = up(up(found.rate * value) + drive)
             values.append(value)
         return np.asarray(up(show * np.array(values)), np.float64)
@@ -272,10 +275,12 @@ def _assumptions(net: Model, box: Interval | None) -> tuple[str, ...]:
     if box is not None:
         ends = ", ".join(f"[{a:g}, {b:g}]" for a, b in zip(box.lo, box.hi, strict=True))
         found.append(f"the inputs lie in {ends} at all times")
+    # a step without errors stays in these ranges, errors may leave them, and gates with them
+    times = "in both runs, at the beginning, and at all times where errors are added"
     if isinstance(net, LSTM):
-        found.append("h in [-1, 1] and c in its invariant range at the beginning, in both runs")
+        found.append(f"h in [-1, 1] and c in its invariant range {times}")
     if isinstance(net, GRU):
-        found.append("h in [-1, 1] at the beginning, in both runs")
+        found.append(f"h in [-1, 1] {times}")
     return tuple(found)
 
 
@@ -306,9 +311,18 @@ def _input_gain(net: Elman | NeuralStateSpace | RegressorNetwork) -> Reals:
     return np.array([up(np.sqrt(up(np.sum(item.drive**2) * (1.0 + 1e-12))))])
 
 
+def _size(given: float, field: str) -> float:
+    """Read the bound of a distance."""
+    value = number(given, field, ModelError)
+    if value < 0.0:
+        raise ModelError(f"{field}: found {given!r}, expected a number >= 0")
+    return value
+
+
 def _scales(item: Condition, inputs: float, errors: float) -> tuple[float, float, float]:
     """From the initial distance, to the drive, and back to the norm that is shown."""
-    push = up(up(item.drive * inputs) + up(item.error * errors))
+    fed, added = _size(inputs, "inputs"), _size(errors, "errors")
+    push = up(up(item.drive * fed) + up(item.error * added))
     if item.lyapunov is not None:
         low, high = size_bounds(item.lyapunov.P)
         root = float(up(np.sqrt(high)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
-from setid.data.checks import without_mask
+from setid.data.checks import entries_of, number, without_mask, word
 from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
@@ -104,9 +104,7 @@ class Network:
                 "equal numbers, at least one"
             )
         _check_shapes(matrices, offsets)
-        slope = float(leak)
-        if not 0.0 <= slope <= 1.0:
-            raise ModelError(f"leak: found {leak!r}, expected a number in [0, 1]")
+        slope = slope_of(leak)
         for key, value in {
             "weights": matrices,
             "biases": offsets,
@@ -225,13 +223,19 @@ def _check_shapes(matrices: tuple[Reals, ...], offsets: tuple[Reals, ...]) -> No
             )
 
 
+def slope_of(leak: Any) -> float:
+    """Read a slope of leaky ReLU: outside [0, 1] it is not monotone or not 1-Lipschitz."""
+    slope = number(leak, "leak", ModelError)
+    if not 0.0 <= slope <= 1.0:
+        raise ModelError(f"leak: found {leak!r}, expected a number in [0, 1]")
+    return slope
+
+
 def _activations(given: str | Sequence[str], layers: int) -> tuple[str, ...]:
-    names = (given,) * (layers - 1) + ("identity",) if isinstance(given, str) else tuple(given)
+    listed = entries_of(given, "activation", "a name, or one a layer", ModelError)
+    names = (given,) * (layers - 1) + ("identity",) if isinstance(given, str) else tuple(listed)
     if len(names) != layers:
         raise ModelError(f"activation: found {len(names)} names, expected {layers}, one a layer")
     for name in [given] if isinstance(given, str) else names:
-        if name not in ACTIVATIONS:
-            raise ModelError(
-                f"activation: found {name!r}, expected one of {', '.join(ACTIVATIONS)}"
-            )
+        word(name, "activation", ACTIVATIONS, ModelError)
     return names

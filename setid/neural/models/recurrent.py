@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
+from setid.data.checks import word
 from setid.neural.arithmetic import ACTIVATIONS, activate
-from setid.neural.models.network import Network, finite_array
+from setid.neural.models.network import Network, finite_array, slope_of
 from setid.neural.models.regressor import check_record
 
 __all__ = ["GRU", "LSTM", "Elman", "NeuralStateSpace", "StateNetwork"]
@@ -122,12 +123,12 @@ class Elman(StateNetwork):
     activation : str
         Of all recurrent layers.
     leak : float
-        Slope of ``"leaky_relu"`` for negative arguments.
+        Slope of ``"leaky_relu"`` for negative arguments, in [0, 1].
 
     Raises
     ------
     ModelError
-        If shapes do not fit.
+        If shapes do not fit, or the slope is none.
 
     Notes
     -----
@@ -173,13 +174,12 @@ class Elman(StateNetwork):
             below = size
         if not read:
             raise ModelError("layers: found none, expected at least one")
-        if activation not in ACTIVATIONS:
-            raise ModelError(f"activation: found {activation!r}, expected one of {ACTIVATIONS}")
+        word(activation, "activation", ACTIVATIONS, ModelError)
         fields = {
             "layers": tuple(read),
             "output": _readout(output, below),
             "activation": activation,
-            "leak": float(leak),
+            "leak": slope_of(leak),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
@@ -426,8 +426,7 @@ class GRU(StateNetwork):
         output: Any = None,
         reset: Reset = "before",
     ) -> None:
-        if reset not in ("before", "after"):
-            raise ModelError(f"reset: found {reset!r}, expected 'before' or 'after'")
+        word(reset, "reset", ("before", "after"), ModelError)
         parts = list(candidate)
         gates = _gates({"update": update, "reset_gate": reset_gate, "candidate": parts[:3]})
         width = gates[0][2].size

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
+from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
 
@@ -101,9 +102,12 @@ def envelope(
     >>> found.eps < 1e-3, bool(found.verify())
     (True, True)
     """
-    if name not in _SMOOTH:
-        raise ModelError(f"name: found {name!r}, expected one of {', '.join(_SMOOTH)}")
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+    word(name, "name", _SMOOTH, ModelError)
+    natural(pieces, "pieces", ModelError, least=1)
+    natural(degree, "degree", ModelError)
+    natural(cells, "cells", ModelError, least=1)
+    ends = number(low, "low", ModelError), number(high, "high", ModelError)
+    if not -np.inf < ends[0] < ends[1] < np.inf:
         raise ModelError(f"low, high: found {low!r}, {high!r}, expected finite low < high")
     breaks = np.linspace(low, high, pieces + 1)
     centres = 0.5 * (breaks[:-1] + breaks[1:])

@@ -32,7 +32,7 @@ from setid import (
     ParameterInterval,
     Verification,
 )
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, frozen, number
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
@@ -199,8 +199,9 @@ def hidden_weights(
             "is (v / g) phi(g w x + g b) for every g > 0, so that hidden weights have no intervals "
             "before output weights are +-1 and neurons are ordered"
         )
-    if not 0 < weights < np.inf:
+    if not 0 < number(weights, "weights", ModelError) < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
+    number(time_limit, "time_limit", ModelError)
     bound = _bound(net, data, noise)
     if _linear_last(net).activation[0] in ("tanh", "sigmoid", "algebraic"):
         found = smooth_hidden_weights(net, data, bound, float(weights), time_limit)
@@ -210,8 +211,8 @@ def hidden_weights(
     until = time.monotonic() + time_limit
     choices = []
     options = _signs(task.width)
-    for number, signs in enumerate(options):
-        share = time.monotonic() + (until - time.monotonic()) / (len(options) - number)
+    for index, signs in enumerate(options):
+        share = time.monotonic() + (until - time.monotonic()) / (len(options) - index)
         choices.append(_Search(task, signs, share).run())
     intervals, status = _intervals(task, tuple(choices))
     given = noise.assumptions if isinstance(noise, Noise) else ()

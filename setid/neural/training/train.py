@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
+from setid.data.checks import entries_of, natural, word
 from setid.neural.arithmetic import ACTIVATIONS, activate, slope_at
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.models.network import Network
@@ -91,15 +92,17 @@ def initial(
     >>> neural.initial(data, order=4).parameters
     89
     """
-    if activation not in ACTIVATIONS:
-        raise ModelError(f"activation: found {activation!r}, expected one of {ACTIVATIONS}")
+    word(activation, "activation", ACTIVATIONS, ModelError)
+    natural(order, "order", ModelError, least=1)
+    listed = entries_of(widths, "widths", "one size a hidden layer", ModelError)
+    hidden = [natural(size, "widths", ModelError, least=1) for size in listed]
     phi, row = regressors(data, order)
     if not row.size:
         raise DataError(f"data: found no row with a complete regressor of order {order}")
     rng = np.random.default_rng(seed)
     mean, spread = phi.mean(axis=0), np.maximum(phi.std(axis=0), 1e-12)
     level, size = data.y[row].mean(axis=0), np.maximum(data.y[row].std(axis=0), 1e-12)
-    sizes = [phi.shape[1], *widths, data.outputs]
+    sizes = [phi.shape[1], *hidden, data.outputs]
     weights = [
         rng.normal(size=(after, before)) / np.sqrt(before)
         for before, after in zip(sizes[:-1], sizes[1:], strict=True)
@@ -166,14 +169,13 @@ def train(
     >>> found.status, found.attained < 1e-3
     (<Status.ATTAINED: 'attained'>, True)
     """
-    chosen = method or ("scipy" if isinstance(net, NNARX) else "ipopt")
+    usual = "scipy" if isinstance(net, NNARX) else "ipopt"
     kinds: dict[str, tuple[type, ...]] = {
         "scipy": (NNARX,),
         "ipopt": (NNOE, NeuralStateSpace),
         "jax-sysid": (NeuralStateSpace,),
     }
-    if chosen not in kinds:
-        raise ModelError(f"method: found {method!r}, expected one of {', '.join(kinds)}")
+    chosen = usual if method is None else word(method, "method", kinds, ModelError)
     if not isinstance(net, kinds[chosen]):
         names = " or ".join(kind.__name__ for kind in kinds[chosen])
         raise ModelError(f"net: found {type(net).__name__}, expected {names} for {chosen!r}")

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
+from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
@@ -171,13 +172,13 @@ def train_proved(
             f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a linear "
             "last layer and one output"
         )
-    if not 0 < weights < np.inf:
+    if not 0 < number(weights, "weights", ModelError) < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
-    y, until = data.y[row, 0], time.monotonic() + time_limit
-    if method == "engine":
+    natural(nodes, "nodes", ModelError)
+    number(tolerance, "tolerance", ModelError)
+    y, until = data.y[row, 0], time.monotonic() + number(time_limit, "time_limit", ModelError)
+    if word(method, "method", ("patterns", "engine"), ModelError) == "engine":
         return _by_engine(net, data, phi, y, float(weights), tolerance, until)
-    if method != "patterns":
-        raise ModelError(f"method: found {method!r}, expected 'patterns' or 'engine'")
     if inner.activation[0] in _PIECEWISE:
         return _by_patterns(net, data, phi, y, float(weights), tolerance, until, nodes)
     return _by_boxes(net, data, phi, y, float(weights), tolerance, until, nodes)
@@ -221,9 +222,9 @@ def _by_patterns(
     trees: dict[tuple[float, ...], PatternNode] = {}
     lower, count = np.inf, 0
     choices = _signs(width, network.activation[0] == "identity")
-    for number, signs in enumerate(choices):
+    for index, signs in enumerate(choices):
         search = PatternSearch(_program(network, phi, y, signs, weights, cap))
-        share = time.monotonic() + (until - time.monotonic()) / (len(choices) - number)
+        share = time.monotonic() + (until - time.monotonic()) / (len(choices) - index)
         value = _search(search, best, np.array(signs), tolerance, share, nodes - count)
         trees[signs] = search.tree()
         lower, count = min(lower, value), count + len(search.known)
@@ -250,9 +251,9 @@ def _by_engine(
     exact = best.value <= tolerance * best.scale  # 0 is bound enough
     trees: dict[tuple[float, ...], Any] = dict.fromkeys(choices) if exact else {}
     lower, count = 0.0 if exact else cap, 0
-    for number, signs in enumerate(() if exact else choices):
+    for index, signs in enumerate(() if exact else choices):
         item = _stated(network, phi, y, signs, weights, cap)
-        share = (until - time.monotonic()) / (len(choices) - number)
+        share = (until - time.monotonic()) / (len(choices) - index)
         result, point = search_by_engine(item, share)
         if point is not None:
             best.take(point, np.array(signs))

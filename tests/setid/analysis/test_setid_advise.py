@@ -51,6 +51,28 @@ def test_the_noise_bound_of_a_record_at_rest_and_its_confidence() -> None:
     assert np.asarray(found.noise_bound).shape == (1,)
 
 
+def test_the_confidence_holds_for_two_parts_at_rest() -> None:
+    """Of 1500 records, 95 % have the share of noise in the range seen that is claimed."""
+    u = np.append(np.zeros(130), np.ones(300))
+    clean = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.8, 0.2], u).ravel()
+    held = 0
+    for seed in range(1500):
+        noise = np.random.default_rng(seed).uniform(-1e-3, 1e-3, u.size)
+        found = setid.advise(setid.IOData(u, clean + noise))
+        held += float(found.noise_bound) / 1e-3 >= found.coverage  # the share of uniform noise
+    assert held / 1500 >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / 1500)
+
+
+def test_missing_readings_at_rest_do_not_count() -> None:
+    rest = np.random.default_rng(0).uniform(-0.02, 0.02, 473)
+    holes = np.full(2 * 473, np.nan)
+    holes[::2] = rest
+    found = setid.advise(step(), setid.IOData(np.zeros(holes.size), holes))
+    assert found.coverage == setid.advise(step(), rest).coverage
+    assert "from 473 samples" in setid.Noise(output=found.noise_bound).assumptions[0]
+    assert "from 473 samples" in found.text
+
+
 def test_a_record_that_ends_too_soon_gives_no_sampling_time() -> None:
     found = setid.advise(step(samples=200))  # one time constant
     assert np.isnan(found.sampling_time) and "has not settled" in found.text

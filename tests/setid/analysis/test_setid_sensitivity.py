@@ -34,6 +34,29 @@ def test_a_sign_is_lost_where_hand_computation_says() -> None:
     assert "sign of a1: proved up to factor 3.58" in found.summary()
 
 
+@pytest.mark.parametrize("factors", [[1.0, 3.0], [3.0], [0.5]])
+def test_no_sign_is_proved_less_far_than_an_identification_proves_it(factors: list) -> None:
+    """By hand a1 keeps its sign up to the factor 3.59; no time is left to prove a level."""
+    known = quadrangle()
+    found = setid.sensitivity(known, factors, setid.Options(progress=False, time_limit=1e-6))
+    level = found.levels["a1"].scale[0]
+    signs = [f for f, s in zip(factors, found.signs[:, 0], strict=True) if s]
+    assert found.lost["a1"][0] == max(1.0, level, *signs) <= 3.59
+    assert found.base is known and found.verify()
+
+
+def test_a_level_that_proves_less_than_the_result_is_not_shown(monkeypatch) -> None:
+    from setid.analysis import sensitivity
+
+    def loose(*given: object) -> setid.Consistency:
+        found = setid.consistency(*given)
+        return sensitivity.replace(found, scale=(0.9997, found.scale[1]))
+
+    monkeypatch.setattr(sensitivity, "consistency", loose)
+    found = quadrangle().sensitivity(factors=[1.0])
+    assert found.lost["a1"][0] == 1.0 and "of a1: proved up to factor 1," in found.summary()
+
+
 @pytest.mark.parametrize("prior", [setid.Box({"b0": (1, 3)}), setid.Known({"b0": 2})])
 def test_no_factor_takes_a_sign_that_priors_give(prior: setid.Box | setid.Known) -> None:
     """With b0 = 2 and a1 = 0 the rows leave .25 and abs(1.175 - 4): e >= 2.825 = 5.65 * .5."""

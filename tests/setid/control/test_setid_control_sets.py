@@ -159,3 +159,21 @@ def test_stable_denominators_are_free_of_zeros() -> None:
     found, _ = narrow()
     family = Family(np.array([1.0, 0, 0]), np.array([[0] * 4, [1.0, 0, 0, 0], [0, 1.0, 0, 0]]))
     assert zero_free(found, family, found.centre, first_arcs(7)) == []
+
+
+def test_bounds_on_arcs_keep_a_deadline_and_stay_bounds() -> None:
+    found, members = narrow()
+    top = Family(np.zeros(3), np.array([[0, 0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]))
+    below = Family(np.array([1.0, 0, 0]), np.array([[0, 0, 0, 0], [1.0, 0, 0, 0], [0, 1.0, 0, 0]]))
+    arcs = ratio_on_arcs(found, top, below, found.centre, 0.0, until=0.0)
+    assert len(arcs) == len(first_arcs()) < len(ratio_on_arcs(found, top, below, found.centre, 0.0))
+    for theta in members[:10]:
+        for low, high, bound in arcs:
+            step = np.exp(-1j * np.linspace(low, high, 5)[:, None] * np.arange(3))
+            assert np.all(np.abs((step @ top.at(theta)) / (step @ below.at(theta))) <= bound)
+    # zeros at 0.999 exp(+-j): more than the first arcs are needed, and a deadline says where
+    r = 0.999
+    near = Family(np.array([1.0, -2 * r * np.cos(1.0), r * r]), np.zeros((3, 4)))
+    assert zero_free(found, near, found.centre) == []
+    late = zero_free(found, near, found.centre, until=0.0)
+    assert late and all(abs(w - 1.0) < 0.2 for w in late)

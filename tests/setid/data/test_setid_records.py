@@ -144,7 +144,10 @@ def test_records_without_a_complete_equation() -> None:
     with pytest.raises(setid.DataError, match="no complete equation, expected more than 2"):
         setid.formulate(short, SECOND, NOISE)
     gaps = setid.IOData([1, 2, 1, 2], [1, np.nan, np.nan, 2])
-    with pytest.raises(setid.DataError, match="no complete equation"):
+    expected = (
+        "found 4 samples .* no complete equation, expected more than 1 in a row without missing"
+    )
+    with pytest.raises(setid.DataError, match=expected):
         setid.formulate(gaps, setid.TransferFunction(1, 1), NOISE)
 
 

@@ -121,6 +121,16 @@ def test_gated_networks_need_the_range_of_their_inputs() -> None:
         neural.stability(net, [1, -1])
 
 
+@pytest.mark.parametrize("leak", [-3.0, -0.5, 5.0, np.nan, "steep", None])
+def test_slopes_that_are_not_monotone_are_refused(leak: object) -> None:
+    """With x -> max(0.9 x, 0) - 3 min(0.9 x, 0) distances of negative states grow by 2.7."""
+    layer = ([[1.0]], [[0.9]], [0.0])
+    with pytest.raises(setid.ModelError, match="leak: found"):
+        neural.Elman([layer], ([[1.0]], [0.0]), "leaky_relu", leak)
+    with pytest.raises(setid.ModelError, match="leak: found"):
+        neural.Network([[[1.0]], [[1.0]]], [[0.0], [0.0]], "leaky_relu", leak)
+
+
 def test_cascades_of_layers() -> None:
     layers = [([[1.0]], [[0.5]], [0.0]), ([[3.0]], [[0.6]], [0.0])]
     found = neural.stability(neural.Elman(layers))
@@ -221,6 +231,19 @@ def test_errors_added_to_the_state() -> None:
     lin = neural.stability(scalar(0.5, "identity"), lmi=False)
     assert lin.limit(errors=0.1) == pytest.approx(0.2, rel=1e-6)
     assert lin.output_distance(50, 0.0, errors=0.1)[-1] == pytest.approx(0.2, rel=1e-6)
+
+
+def test_errors_may_push_a_gated_state_out_of_the_range_of_its_gates() -> None:
+    """h+ = (1 - s(2 - 1.5 h)) h + 1 grows without end: h s(2 - 1.5 h) < 1 for all h >= 0."""
+    zero = ([[0.0]], [[0.0]], [0.0])
+    found = neural.stability(neural.GRU(([[0.0]], [[-1.5]], [2.0]), zero, zero))
+    h = 0.0
+    for _ in range(40):
+        h = (1.0 - 1.0 / (1.0 + np.exp(1.5 * h - 2.0))) * h + 1.0
+    assert found.limit(errors=1.0) < 5.0 < 30.0 < h  # holds while h stays in [-1, 1] only
+    assert any("h in [-1, 1]" in text and "at all times" in text for text in found.assumptions)
+    cells = neural.stability(neural.LSTM(*[([[0.1]], [[0.1]], [0.0])] * 4))
+    assert any("invariant range" in t and "at all times" in t for t in cells.assumptions)
 
 
 @pytest.mark.parametrize("seed", range(5))
