@@ -234,7 +234,7 @@ class Deadline:
         return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
 
     @property
-    def endless(self) -> bool:
+    def unlimited(self) -> bool:
         """True if no limit will ever end the work."""
         work = self._last is None or self._last == np.inf
         return work and not self.stopped and self._ends(0.0) == (np.inf, np.inf)

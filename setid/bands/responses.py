@@ -233,7 +233,8 @@ def frequency_band(
     """
     check_result(result)
     data, model = result.formulation.data, result.formulation.model
-    natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
+    for field, channel in (("output", output), ("input", input)):
+        natural(channel, field, SetidError, 1)
     continuous = transfer_of(model, output, input).continuous
     frequencies = grid(omega, data.Ts, continuous=continuous)
     theta = nominal(result)

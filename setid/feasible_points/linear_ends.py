@@ -6,6 +6,8 @@ solutions of linear programs. Those that satisfy the prior are ends with it, too
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
@@ -37,10 +39,12 @@ def linear_ends(formulation: Formulation) -> list[NDArray[np.float64]]:
     Examples
     --------
     >>> import setid
-    >>> data = setid.IOData([1.0, 2.0, -1.0, 2.0, 1.0], [0.0, 1.0, 2.4, 0.1, 2.0])
-    >>> model, noise = setid.TransferFunction(na=1, nb=1), setid.Noise(equation=0.5)
-    >>> formulation = setid.formulate(data, model, noise, setid.Stable())
-    >>> len(linear_ends(formulation))  # of order 1 stability is a bound
+    >>> u = [1.0, 2.0, -1.0, 2.0, 1.0, -2.0, 0.0, 1.0]
+    >>> model, noise = setid.TransferFunction(na=3, nb=1), setid.Noise(equation=0.5)
+    >>> data = setid.simulate_record(model, [-0.5, 0.0, 0.1, 1.0], u, noise).data
+    >>> len(linear_ends(setid.formulate(data, model, noise, setid.Stable())))
+    8
+    >>> len(linear_ends(setid.formulate(data, model, noise)))  # linear programs settle it
     0
     """
     problem, size = formulation.problem, len(formulation.parameters)
@@ -55,7 +59,7 @@ def linear_ends(formulation: Formulation) -> list[NDArray[np.float64]]:
         return []
     rows = _matrix(problem)[linear], problem.equality[linear]
     low, high = problem.lower[:size], problem.upper[:size]
-    inner, *ends = (_solved(rows, low, high, cost) for cost in _costs(size))
+    inner, *ends = _solved(rows, low, high)
     found = []
     for end in ends:
         if inner is None or end is None:
@@ -73,30 +77,19 @@ def _matrix(problem: sp.Problem) -> sps.csr_array:
     return sps.csr_array((system.coefficients, places), shape=shape)
 
 
-def _costs(size: int) -> list[NDArray[np.float64]]:
-    """Costs of parameters and of the room in all rows: first all room, then each end."""
-    found = [np.append(np.zeros(size), -1.0)]
-    for place in range(size):
-        cost = np.zeros(size + 1)
-        cost[place] = 1.0
-        found += [cost, -cost]
-    return found
-
-
 def _solved(
     rows: tuple[sps.csr_array, NDArray[np.bool_]],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
-    cost: NDArray[np.float64],
-) -> NDArray[np.float64] | None:
-    """Parameters (p,) of least cost, among those that leave the rows room; None without any."""
+) -> Iterator[NDArray[np.float64] | None]:
+    """Parameters (p,) that leave all rows room, then those of each end; None for none."""
     matrix, equal = rows
     constant, slopes = matrix[:, [0]].toarray()[:, 0], matrix[:, 1 : low.size + 1]
     with_room = sps.csr_array(sps.hstack([slopes, -1.0 * ~equal[:, None]]))
-    found = solve_scaled(
-        cost,
-        (-with_room[~equal], constant[~equal]),
-        (with_room[equal], -constant[equal]),
-        (np.append(low, 0.0), np.append(high, np.inf if cost[-1] else 0.0)),
-    )
-    return found.x[:-1] if found.status == "solved" else None
+    below = -with_room[~equal], constant[~equal]
+    level = with_room[equal], -constant[equal]
+    room, *units = np.eye(low.size + 1)[::-1]
+    for cost in (-room, *(sign * unit for unit in units[::-1] for sign in (1.0, -1.0))):
+        most = np.inf if cost[-1] else 0.0  # room, where it is asked for
+        found = solve_scaled(cost, below, level, (np.append(low, 0.0), np.append(high, most)))
+        yield found.x[:-1] if found.status == "solved" else None

@@ -62,7 +62,7 @@ def polynomial_rows(
     number = np.take_along_axis(number, order, axis=1)
     twice = np.any((number[:, 1:] == number[:, :-1]) & (number[:, 1:] < size), axis=1)
     width = np.where(used, monomials.degrees(words), 1).max(axis=1, initial=1)
-    first = words.shape[2] - np.maximum(width, 1)
+    first = words.shape[2] - width
     count = np.count_nonzero(used, axis=1)
     in_order = np.take_along_axis(words, order[:, :, None], axis=1)
     sorted_values = np.take_along_axis(values, order, axis=1)

@@ -303,10 +303,11 @@ def relax(
     if order is not None and order < least:
         notes = (f"order {order} raised to {least}, the least for these degrees",)
     order = max(order or least, least)
+    if shape == "full":
+        _check_size(problem, cliques, order)
     pairs = _products(problem, cliques, objectives, shape, products)
     system = generators.stacked(problem, pairs)
     if shape == "full":
-        _check_size(problem, cliques, order)
         groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
     else:
         groups = stacked_groups(shaped_blocks(shape, problem, cliques, system, objectives))

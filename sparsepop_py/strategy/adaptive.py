@@ -293,7 +293,7 @@ class AdaptiveSearch:
         a point, or where rounding is all that is left of the gap.
         """
         options, upper = self.context.options, self.context.upper
-        if options.node_limit is not None or not self.context.deadline.endless:
+        if options.node_limit is not None or not self.context.deadline.unlimited:
             return False
         if np.isfinite(upper):
             stays_open = self._gap <= STRATEGY.rounding * max(1.0, abs(upper))
