@@ -194,11 +194,13 @@ def _changes(terms: ExactTerms) -> tuple[monomials.Words, list[Fraction], list[F
 
 def _shift(words: monomials.Words, errors: list[Fraction], lower: Reals, upper: Reals) -> float:
     """Bound the sum of |error * monomial| over a box."""
-    size = np.maximum(np.abs(lower), np.abs(upper))
-    used = monomials.distinct(words)
-    if not np.all(np.isfinite(size[used[used > 0] - 1])):
+    letters = monomials.distinct(words)
+    letters = letters[letters > 0]
+    sizes = np.maximum(np.abs(lower[letters - 1]), np.abs(upper[letters - 1]))
+    if not np.all(np.isfinite(sizes)):
         return math.inf
-    reach = [Fraction(1), *map(Fraction, np.where(np.isfinite(size), size, 0.0).tolist())]
+    reach = dict(zip(letters.tolist(), map(Fraction, sizes.tolist()), strict=True))
+    reach[0] = Fraction(1)
     total = Fraction(0)
     for word, error in zip(words.tolist(), errors, strict=True):
         total += abs(error) * math.prod((reach[letter] for letter in word), start=Fraction(1))

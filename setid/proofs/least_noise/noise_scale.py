@@ -108,12 +108,44 @@ def _prior_rows(formulation: Formulation) -> list[int]:
     return [i for i, origin in enumerate(formulation.rows.origin) if origin == "prior"]
 
 
-def _lifted(problem: sp.Problem, row: int, extra: sp.Polynomial | None = None) -> sp.Constraint:
-    """A constraint in one more variable, and something added to it."""
+def _lifted(problem: sp.Problem, row: int) -> sp.Constraint:
+    """A constraint in one more variable."""
     constraint, n = problem.constraints[row], problem.dimension
     p = constraint.polynomial
-    wide = sp.Polynomial(p.words, p.coefficients, n + 1)
-    return sp.Constraint(wide if extra is None else wide + extra, constraint.kind, constraint.name)
+    return sp.Constraint(
+        sp.Polynomial(p.words, p.coefficients, n + 1), constraint.kind, constraint.name
+    )
+
+
+def _with_factor(
+    problem: sp.Problem, bounds: dict[int, tuple[float, float]]
+) -> dict[int, sp.Constraint]:
+    """Rows whose bound is size s + spare instead of size, where these are (size, spare).
+
+    The constant, less size - spare, is rounded once; twice the rounding is in the spare part.
+    Rows with equal shapes are made together.
+    """
+    n, shapes = problem.dimension, dict[tuple[int, ...], list[int]]()
+    for row in bounds:
+        shapes.setdefault(problem.constraints[row].polynomial.words.shape, []).append(row)
+    found = {}
+    for (terms, degree), rows in shapes.items():
+        own = [problem.constraints[row].polynomial for row in rows]
+        sizes = np.array([bounds[row] for row in rows])
+        width = max(degree, 1)
+        words = np.zeros((len(rows), terms + 2, width), np.int32)
+        words[:, 1:-1, width - degree :] = [p.words for p in own]
+        words[:, -1, -1] = n + 1
+        values = np.zeros((len(rows), terms + 2))
+        values[:, 1:-1] = [p.coefficients for p in own]
+        constant = ~np.any(words[:, 1], axis=1) & (terms > 0)  # first in graded order
+        values[constant, 0], values[constant, 1] = values[constant, 1], 0.0
+        values[:, 0] -= sizes[:, 0] - sizes[:, 1]
+        values[:, -1] = sizes[:, 0]
+        for row, p in zip(rows, polynomial_rows(words, values, n + 1), strict=True):
+            given = problem.constraints[row]
+            found[row] = sp.Constraint(p, given.kind, given.name)
+    return found
 
 
 def last_variable(problem: sp.Problem) -> sp.Polynomial:
@@ -137,10 +169,10 @@ def problem_with_factor(
     problem, layout = formulation.problem, formulation.layout
     n, p = problem.dimension, len(formulation.parameters)
     s = sp.Polynomial(np.array([[n + 1]], np.int32), np.ones(1), n + 1)
-    lines, bounds = [], _row_bounds(formulation) if scaled is None else {}
-    for row in range(len(problem.constraints)):
-        size, spare = bounds.get(row, (0.0, 0.0))  # the bound is size s + spare instead of size
-        lines.append(_lifted(problem, row, size * s - (size - spare) if size else None))
+    bounds = _row_bounds(formulation) if scaled is None else {}
+    widened = _with_factor(problem, {row: bound for row, bound in bounds.items() if bound[0]})
+    rows = range(len(problem.constraints))
+    lines = [widened[row] if row in widened else _lifted(problem, row) for row in rows]
     for group in ("eta", "xi") if scaled is None else ("eta",):
         numbers = layout.group(group)
         for number in numbers[numbers >= 0].tolist():

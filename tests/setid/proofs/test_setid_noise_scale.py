@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from fractions import Fraction
 from math import inf
 from types import SimpleNamespace
 
@@ -146,6 +147,33 @@ def test_the_factor_multiplies_every_bound() -> None:
         full = problem.constraints[row].polynomial
         assert full(one) - full(quarter) == pytest.approx(0.375, rel=1e-12)
         assert full(one) == pytest.approx(known.problem.constraints[row].polynomial(x[:-1]))
+
+
+def test_rows_with_the_factor_are_those_of_exact_arithmetic() -> None:
+    """Rows without a constant, of two shapes, with bounds that differ from sample to sample."""
+    data = setid.IOData([0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 2.0, 0.5])
+    noise = setid.Noise(output=[0.0, 0.1, 0.0, 0.1], equation=[0.1, 0.2, 0.3, 0.7])
+    known = setid.formulate(data, FIRST, noise)
+    problem, count = problem_with_factor(known, None), known.problem.dimension
+    model = [i for i, origin in enumerate(known.rows.origin) if origin == "model"]
+    assert len({known.problem.constraints[i].polynomial.words.shape for i in model}) > 1
+    for i in model:
+        own = known.problem.constraints[i].polynomial
+        size = Fraction([0.1, 0.2, 0.3, 0.7][known.rows.sample[i] - 1])
+        expected = {
+            tuple(word[word > 0]): Fraction(value)
+            for word, value in zip(own.words, own.coefficients.tolist(), strict=True)
+        }
+        expected[()] = expected.get((), Fraction(0)) - size
+        expected[(count + 1,)] = size
+        made = problem.constraints[i].polynomial
+        found = {
+            tuple(word[word > 0]): Fraction(value)
+            for word, value in zip(made.words, made.coefficients.tolist(), strict=True)
+        }
+        spare = found.pop((), Fraction(0)) - expected.pop(())
+        assert found == expected
+        assert 0 < spare <= Fraction(1, 10**14)  # rounding of the reading's row
 
 
 def test_lies_about_points_and_empty_boxes_are_refused(bracket: setid.Consistency) -> None:
