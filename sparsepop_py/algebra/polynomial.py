@@ -430,9 +430,42 @@ class Polynomial:
         self.__dict__["_on_grid"] = grid
         return self
 
-    def _within(self, dimension: int, names: tuple[str, ...] | None) -> Polynomial:
-        """The same terms in another number of variables, which holds all that occur."""
-        made = Polynomial._of_sorted(self.words, self.coefficients, dimension, names)
+    def within(self, dimension: int, names: Sequence[str] | None = None) -> Polynomial:
+        """Restate the polynomial in another number of variables.
+
+        Parameters
+        ----------
+        dimension : int
+            Number of variables n, at least the largest one that occurs.
+        names : sequence of str, optional
+            Names of all n variables.
+
+        Returns
+        -------
+        Polynomial
+            With the same terms.
+
+        Raises
+        ------
+        ProblemError
+            If a variable that occurs is beyond n, or the names are not n distinct ones.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> (x * y).within(5).dimension
+        5
+        """
+        least = int(self.words.max(initial=0))
+        whole = isinstance(dimension, numbers.Integral) and not isinstance(dimension, bool)
+        if not whole or not max(least, 1) <= dimension < 2**31 - 1:
+            raise ProblemError(
+                f"dimension: found {dimension!r}, expected a number of variables, "
+                f"{max(least, 1)} or more"
+            )
+        labels = _checked_labels(names, int(dimension))
+        made = Polynomial._of_sorted(self.words, self.coefficients, int(dimension), labels)
         if self.exact is not None:
             made.__dict__["_exact"] = self.exact
         return made
@@ -511,7 +544,7 @@ class Polynomial:
         """Exponents as a sparse integer matrix (T, n), rows in graded order."""
         return monomials.to_exponents(self.words, self.dimension)
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """Total degree; 0 for constants and for the zero polynomial."""
         return int(monomials.degrees(self.words).max(initial=0))

@@ -464,7 +464,7 @@ class _Reader:
             )
         (factor,) = whole.derivative(last - 1).fractions
         target = Polynomial(np.array([[last]], np.int32), np.ones(1), last)
-        rest = (whole - factor * target)._within(len(names), names)
+        rest = (whole - factor * target).within(len(names), names)
         if isinstance(row[0], Rational):
             pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row[0].ratios)
             return Rational(rest, pairs) / -factor
@@ -505,7 +505,7 @@ def _shrunk(row: Expression, names: tuple[str, ...]) -> Expression:
     if isinstance(row, Rational):
         pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row.ratios)
         return Rational(_shrunk(row.whole, names), pairs)
-    return row._within(len(names), names)
+    return row.within(len(names), names)
 
 
 def _objective_bounds(

@@ -15,12 +15,11 @@ programs via low-rank factorization, Math. Programming 95, 2003.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.algebra.polynomial import Constraint, Kind, total, variables
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["RowForm"]
@@ -54,13 +53,12 @@ class RowForm:
         side = np.where(matrices.second_order, 0, matrices.side)
         factored = tuple(np.flatnonzero((side > 2) & (side <= _LARGEST)).tolist())
         size = sum(int(matrices.side[k]) * (int(matrices.side[k]) + 1) // 2 for k in factored)
-        widened = partial(_widened, dimension=n + size)
         extra = iter(variables(n + size)[n:])
         rows: list[Constraint] = []
         for number, c in enumerate(problem.constraints):
-            entries = [widened(p) for p in c.entries]
+            entries = [p.within(n + size) for p in c.entries]
             if not entries:
-                rows.append(Constraint(widened(c.polynomial), c.kind))
+                rows.append(Constraint(c.polynomial.within(n + size), c.kind))
             elif c.kind is Kind.SECOND_ORDER:
                 rows += [entries[0] >= 0, entries[0] ** 2 - total(f * f for f in entries[1:]) >= 0]
             elif c.side > _LARGEST:
@@ -76,7 +74,9 @@ class RowForm:
                         rows.append(total([entries[c.position(i, j) or 0], *parts]) == 0)
         free = np.full(size, np.inf)
         low, high = np.append(problem.lower, -free), np.append(problem.upper, free)
-        return RowForm(problem, Problem(widened(problem.objective), rows, low, high), factored)
+        return RowForm(
+            problem, Problem(problem.objective.within(n + size), rows, low, high), factored
+        )
 
     def start(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Extend a vector (n,) of the given problem to all variables."""
@@ -92,8 +92,3 @@ class RowForm:
     def point(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the variables of the given problem, shape (n,)."""
         return x[: self.given.dimension]
-
-
-def _widened(p: Polynomial, dimension: int) -> Polynomial:
-    """Embed a polynomial in more variables."""
-    return Polynomial(p.words, p.coefficients, dimension)

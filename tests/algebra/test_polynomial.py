@@ -232,3 +232,19 @@ def test_derivatives_with_respect_to_no_variable_are_refused(variable):
 def test_coefficients_that_overflow_are_named(act):
     with pytest.raises(ProblemError, match="coefficients"):
         act(sp.variables(1)[0])
+
+
+def test_within_keeps_the_terms_and_what_was_rounded():
+    x, y = sp.variables(2, ["x", "y"])
+    p = (x - Fraction(1, 3)) * y
+    wide = p.within(3, ["x", "y", "z"])
+    assert wide.dimension == 3 and wide.names == ("x", "y", "z") and wide.fractions == p.fractions
+    assert wide([2.0, 3.0, 7.0]) == p([2.0, 3.0])
+    assert (x * x).within(1).dimension == 1 and p.within(4).names is None and p.dimension == 2
+
+
+@pytest.mark.parametrize("dimension", [1, 0, -1, 2.0, True, "3", None])
+def test_within_needs_room_for_all_variables(dimension):
+    x, y = sp.variables(2)
+    with pytest.raises(sp.ProblemError, match="dimension: found .*2 or more"):
+        (x * y).within(dimension)

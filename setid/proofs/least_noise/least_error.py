@@ -35,6 +35,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted
 from setid.proofs.least_noise.denominator_cells import DenominatorCells, OutputRows, output_rows
 from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box
+from sparsepop_py.algebra.polynomial_rows import polynomial_rows
 
 __all__ = [
     "Multipliers",
@@ -226,16 +227,16 @@ def error_problem(
         )
     count = len(noise) if norm == "l1" else 1
     names = (*problem.names, *(f"size {i + 1}" for i in range(count)))
-    lines = []
-    for constraint in problem.constraints:
-        left = constraint.polynomial
-        wide = sp.Polynomial(left.words, left.coefficients, n + count)
-        lines.append(sp.Constraint(wide, constraint.kind, constraint.name))
-    for place, number in enumerate(noise):  # size - error >= 0, size + error >= 0
-        words = np.array([[number + 1], [n + 1 + (place if norm == "l1" else 0)]], np.int32)
-        for sign in (-1.0, 1.0):
-            side = sp.Polynomial(words, np.array([sign, 1.0]), n + count)
-            lines.append(sp.Constraint(side, sp.Kind.NONNEGATIVE))
+    lines = [
+        sp.Constraint(row.polynomial.within(n + count), row.kind, row.name)
+        for row in problem.constraints
+    ]
+    words = np.empty((len(noise), 2, 2, 1), np.int32)  # by error, side and term
+    words[:, :, 0, 0] = 1 + np.array(noise, np.int32)[:, None]
+    words[:, :, 1, 0] = n + 1 + (np.arange(count)[:, None] if norm == "l1" else 0)
+    signs = np.broadcast_to([[-1.0, 1.0], [1.0, 1.0]], (len(noise), 2, 2))
+    sides = polynomial_rows(words.reshape(-1, 2, 1), signs.reshape(-1, 2), n + count)
+    lines += [sp.Constraint(side, sp.Kind.NONNEGATIVE) for side in sides]  # size -+ error >= 0
     sizes = np.arange(n + 1, n + count + 1, dtype=np.int32)[:, None]
     objective = sp.Polynomial(sizes, np.ones(count), n + count)
     lower = np.append(problem.lower, np.zeros(count))

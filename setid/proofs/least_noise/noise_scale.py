@@ -110,11 +110,8 @@ def _prior_rows(formulation: Formulation) -> list[int]:
 
 def _lifted(problem: sp.Problem, row: int) -> sp.Constraint:
     """A constraint in one more variable."""
-    constraint, n = problem.constraints[row], problem.dimension
-    p = constraint.polynomial
-    return sp.Constraint(
-        sp.Polynomial(p.words, p.coefficients, n + 1), constraint.kind, constraint.name
-    )
+    given = problem.constraints[row]
+    return sp.Constraint(given.polynomial.within(problem.dimension + 1), given.kind, given.name)
 
 
 def _with_factor(

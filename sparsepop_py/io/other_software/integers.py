@@ -101,4 +101,4 @@ def _binary(variable: int, n: int, labels: Sequence[str], name: str) -> Constrai
 
 def _wider(polynomial: Polynomial, labels: Sequence[str]) -> Polynomial:
     """Take more variables; monomials and coefficients stay."""
-    return polynomial._within(len(labels), tuple(labels))
+    return polynomial.within(len(labels), tuple(labels))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from fractions import Fraction
 from math import inf
 from types import SimpleNamespace
 
