@@ -299,8 +299,8 @@ def _effects(
             gamma[:, m, None] * column.power * z ** max(column.power - 1, 0)
             for m, column in enumerate(columns)
         )
-    scale = slope / np.maximum(noise, 1e-300)
-    effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
+        scale = slope / np.maximum(noise, max(1e-8 * noise.max(), 1e-300))  # some may be exact
+        effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
     width = found.radii > 0
     return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
 

@@ -404,6 +404,25 @@ class TestBands:
         assert any("gamma1 = 1" in text for text in texts)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+def test_exact_samples_among_noisy_ones_have_finite_weights(unit: float) -> None:
+    rng = np.random.default_rng(229)
+    u = rng.uniform(-1, 1, 20)
+    model = setid.BlockStructured(
+        {("z", "u1"): G(1, 1, 1), ("y1", "w"): G(1, 1, 1)},
+        {"w": setid.StaticMap("z", 2)},
+        normalise=["b[z,u1]1", "gamma1"],
+        initial="zero",
+    )
+    theta = [0.8, 0.5, 0.6 * unit, 0.9]
+    y = setid.simulate(model, theta, u) * (1 + 1e-4 * rng.uniform(-1, 1, (20, 1)))
+    noise = setid.Noise(output=1.1e-4, relative=True)  # the first readings are zero, and exact
+    formulation = setid.formulate(setid.IOData(u, y), model, noise, [setid.Stable()])
+    box = box_of(formulation)
+    assert np.all((box.lower <= theta) & (theta <= box.upper))
+    assert np.all(box.upper - box.lower < [0.1, 0.1, 0.1 * unit, 0.1])
+
+
 def test_basis_functions_that_return_no_numbers_are_named() -> None:
     model = setid.Hammerstein(setid.TransferFunction(1, 1), [1, lambda u: "a"], normalise="gamma1")
     data = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
