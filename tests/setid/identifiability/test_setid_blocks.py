@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -402,6 +403,22 @@ class TestBands:
         texts = [t.get_text() for t in plot_diagram(result.formulation.model, result).texts]
         assert any("gamma2 in [" in text for text in texts)
         assert any("gamma1 = 1" in text for text in texts)
+
+
+def test_samples_of_internal_signals_are_not_bounded_when_time_is_over() -> None:
+    from setid.proofs.cells.output_cells import cell_box
+
+    truth = simulated("wiener", 0.01)
+    known = setid.formulate(truth.data, CASES["wiener"][0], noise_of(truth), [setid.Stable()])
+    p, begin = len(known.parameters), time.monotonic()
+    start = np.array([known.problem.lower[:p], known.problem.upper[:p]])
+    whole, late = cell_box(known, start, rounds=3), cell_box(known, start, until=begin)
+    assert np.all(np.isfinite([whole.low, whole.high])) and whole.verify(known, start)
+    assert np.all(late.low == -np.inf) and np.all(late.high == np.inf)
+    assert late.verify(known, start)
+    assert not replace(late, low=whole.high).verify(known, start)
+    few = replace(whole, low=late.low, high=late.high)  # of the parameters alone
+    assert few.verify(known, start)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
