@@ -511,15 +511,15 @@ def _by_engine(
     """Bound and attain the least error, from the local fit; as it was without a finite box."""
     theta, settings, until = rest
     formulation, norm = known.formulation, known.norm
-    known = replace(known, box=find_box(formulation, until), attained=None)
+    given, known = known, replace(known, box=find_box(formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
     scaled = in_units_of(known)
     lower, upper = scaled.problem.lower, scaled.problem.upper
     p = len(formulation.parameters)
-    point = _at_fit(known, theta, outputs)
     if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
-        return replace(known, attained=point)
+        return given
+    point = _at_fit(known, theta, outputs)
     start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
     left = None if until == inf else max(until - time.monotonic(), 1e-3)
     size = 2.0 * known.radius**2 if norm == "l2" else known.radius  # for a relative gap
