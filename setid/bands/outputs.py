@@ -27,6 +27,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
+from setid.models.general import nonlinear_rows
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -337,9 +338,8 @@ def predict(
         )
     rows = formulate(record, model, noise or result.formulation.noise).regression
     if rows is None:
-        raise SetidError(
-            "model: separate denominators have no one-step prediction; simulate them instead"
-        )
+        what = nonlinear_rows(model)
+        raise SetidError(f"model: {what} have no one-step prediction; simulate instead")
     place = rows.row, rows.output - 1
     known = rows.target - record.y[place]  # what a row holds beside the reading itself
     columns = [-(rows.regressors @ theta) - known]

@@ -17,13 +17,20 @@ from numpy.typing import NDArray
 
 from setid.data.checks import entries_of, natural, number, word
 from setid.errors import ModelError
-from setid.models.equations import Equation, Initial, Transfer, channel_of
+from setid.models.equations import Equation, Initial, Structure, Transfer, channel_of
 from setid.models.html import InNotebook
 from setid.models.lti import Form, TransferFunction
 from setid.models.maps import StaticMap
 from setid.models.wiring import Block, Maps, Wiring
 
-__all__ = ["BlockStructured", "Normalise", "read_blocks", "read_maps", "read_normalisation"]
+__all__ = [
+    "BlockStructured",
+    "Normalise",
+    "nonlinear_rows",
+    "read_blocks",
+    "read_maps",
+    "read_normalisation",
+]
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SUM = re.compile(r"\s*([+-]?)\s*([A-Za-z_]\w*)")
@@ -408,3 +415,27 @@ class BlockStructured(InNotebook):
             f"<{type(self).__name__}: {'; '.join(parts)}; na,nb,nk = {orders}; "
             f"normalisation: {norm}; initial: {self.initial}>"
         )
+
+
+def nonlinear_rows(model: Structure) -> str:
+    """Name what keeps the equations of a structure from being linear in its parameters.
+
+    Parameters
+    ----------
+    model : Structure
+        Without a regression form.
+
+    Examples
+    --------
+    >>> import setid
+    >>> linear = setid.TransferFunction(1, 1, 1)
+    >>> nonlinear_rows(setid.Hammerstein(linear, 2, "gamma1"))
+    'rows with products of parameters'
+    >>> nonlinear_rows(setid.Wiener(linear, 2, "gamma1"))
+    'rows with internal signals (z)'
+    """
+    if not isinstance(model, BlockStructured):
+        return "separate denominators"
+    if model.direct():
+        return "rows with products of parameters"
+    return f"rows with internal signals ({', '.join(model.internal)})"

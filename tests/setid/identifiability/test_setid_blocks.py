@@ -405,6 +405,25 @@ class TestBands:
         assert any("gamma1 = 1" in text for text in texts)
 
 
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("hammerstein", "rows with products of parameters"), ("wiener", r"internal signals \(z\)")],
+)
+def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
+    name: str, what: str
+) -> None:
+    model, _, priors = CASES[name]
+    truth = simulated(name, 0.01, 15)
+    options = setid.Options(time_limit=3.0, progress=False)
+    result = setid.identify(truth.data, model, noise_of(truth), priors, options)
+    for asked in (setid.predict, setid.residuals, setid.step_band, setid.projection_estimate):
+        with pytest.raises(setid.SetidError, match=f"{what} have no") as caught:
+            asked(result)
+        assert "common" not in str(caught.value)
+    with pytest.raises(setid.ModelError, match=f"{what} are not linear .* setid.fit takes them"):
+        setid.least_squares(truth.data, model)
+
+
 def test_samples_of_internal_signals_are_not_bounded_when_time_is_over() -> None:
     from setid.proofs.cells.output_cells import cell_box
 
