@@ -31,6 +31,7 @@ from setid.html import section
 from setid.html import table as html_table
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
+from setid.options import check_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -472,6 +473,7 @@ def _linear(
     formulation: Formulation, executor: Executor | None = None
 ) -> tuple[Evidence, set[int]]:
     """Exact bounds by linear programs, and the records that they use."""
+    check_executor(executor)
     problem, wanted = formulation.problem, objectives(formulation)
     if executor is None:
         bounds = tuple(sp.linear_bounds(problem, wanted))

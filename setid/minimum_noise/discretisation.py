@@ -70,6 +70,10 @@ def discretisation_error(
     """
     from scipy.signal import cont2discrete, lfilter
 
+    if not isinstance(model, ContinuousTransferFunction):
+        raise ModelError(
+            f"model: found {type(model).__name__}, expected a ContinuousTransferFunction"
+        )
     inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
     values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
     recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]

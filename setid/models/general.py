@@ -44,6 +44,8 @@ def read_blocks(linear: Mapping[tuple[str, str], TransferFunction]) -> tuple[Blo
     ModelError
         Naming the entry.
     """
+    if not isinstance(linear, Mapping):
+        raise ModelError(f"linear: found {type(linear).__name__}, expected a mapping of pairs")
     found = []
     for key, item in linear.items():
         field = f"linear[{key!r}]"
@@ -94,6 +96,8 @@ def read_maps(
     """
     inputs = natural(channels[0], "inputs", ModelError, least=1)
     outputs = natural(channels[1], "outputs", ModelError, least=1)
+    if not isinstance(nonlinear, Mapping):
+        raise ModelError(f"nonlinear: found {type(nonlinear).__name__}, expected a mapping")
     for name, item in nonlinear.items():
         _check_map(name, item)
         if initial == "zero":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -422,6 +422,36 @@ def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
         assert "common" not in str(caught.value)
     with pytest.raises(setid.ModelError, match=f"{what} are not linear .* setid.fit takes them"):
         setid.least_squares(truth.data, model)
+
+
+def test_wrong_arguments_are_named() -> None:
+    from setid.plots.blocks import plot_diagram
+
+    model, u = CASES["hammerstein"][0], np.random.default_rng(1).uniform(-1, 1, 12)
+    truth = setid.simulate_record(ONE, [-0.5, 0.8], u, setid.Noise(output=0.01))
+    options = setid.Options(time_limit=3.0, progress=False)
+    linear = setid.identify(truth.data, ONE, setid.Noise(equation=0.1), (), options)
+    truth = simulated("hammerstein", 0.01, 15)
+    result = setid.identify(truth.data, model, noise_of(truth), (), options)
+    wrong: list[tuple[Callable[[], object], str]] = [
+        (lambda: setid.convert(ONE, [1.0, 2.0], "b1"), "model: found TransferFunction"),
+        (lambda: setid.equivalent(ONE, [1.0, 2.0], [1.0, 2.0]), "model: found TransferFunction"),
+        (lambda: setid.convert(model, [1.0], "b1"), "theta: found shape"),
+        (lambda: setid.equivalent(model, [-0.7, 0.8, 0.4, 0.3], [1.0]), "theta: found shape"),
+        (lambda: setid.BlockStructured("abc", {}), "linear: found str, expected a mapping"),
+        (lambda: setid.BlockStructured({("y1", "u1"): ONE}, 3), "nonlinear: found int"),
+        (lambda: StaticMap(3, 2), "StaticMap.arguments: found int, expected names"),
+        (lambda: setid.discretisation_error(model, [1.0], u), "model: found Hammerstein"),
+        (lambda: plot_diagram(ONE), "model: found TransferFunction, expected a block structure"),
+        (lambda: setid.static_band(result, x=[np.nan]), r"x: found NaN at \[0\]"),
+        (lambda: setid.static_band(result, x=[1.0], seconds="a"), "seconds: found 'a'"),
+        (lambda: setid.static_band(result, x=[1.0], seconds=-1.0), "seconds: found -1.0"),
+        (lambda: setid.frequency_band(linear, executor=4), "executor: found 4"),
+        (lambda: setid.sensitivity(linear, [1.0], executor="x"), "executor: found 'x'"),
+    ]
+    for call, message in wrong:
+        with pytest.raises(setid.SetidError, match=message):
+            call()
 
 
 def test_samples_of_internal_signals_are_not_bounded_when_time_is_over() -> None:
