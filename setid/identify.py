@@ -72,7 +72,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
-from setid.result.holdout import Holdout, members
+from setid.result.holdout import Holdout, held_out, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
@@ -129,7 +129,8 @@ def identify(
     holdout : float, int or IOData, optional
         Samples that check the noise bounds: a part of the record that is left out of the
         identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
-        record. The result says with which factor on the bounds they are explained.
+        record. The result says with which factor on the bounds they are explained, whatever the
+        signals before them.
     on_progress : callable, optional
         Called with the name of a parameter, its proved and its attained interval so far, when they
         change and at the next stage after two seconds; ends are infinite where there is none.
@@ -210,7 +211,8 @@ def _held_out(
     given = members(known, found.intervals)
     left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
-    level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
+    goes_on = held_out(known.model)
+    level = consistency(rest, goes_on, other, given, replace(settings, time_limit=left))
     return replace(found, holdout=Holdout(level))
 
 

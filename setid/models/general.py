@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from setid.models.wiring import Block, Maps, Wiring
 __all__ = [
     "BlockStructured",
     "Normalise",
+    "from_unknown_start",
     "nonlinear_rows",
     "read_blocks",
     "read_maps",
@@ -419,6 +421,37 @@ class BlockStructured(InNotebook):
             f"<{type(self).__name__}: {'; '.join(parts)}; na,nb,nk = {orders}; "
             f"normalisation: {norm}; initial: {self.initial}>"
         )
+
+
+def from_unknown_start(model: Structure) -> Structure:
+    """Change a structure to one with unknown signals before each record.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Raises
+    ------
+    ModelError
+        If a structure of another kind begins at rest.
+
+    Examples
+    --------
+    >>> import setid
+    >>> from_unknown_start(setid.TransferFunction(1, 1, 1, initial="zero")).initial
+    'free'
+    """
+    if model.initial == "free":
+        return model
+    if isinstance(model, BlockStructured):
+        return model.changed(initial="free")
+    if not is_dataclass(model):
+        raise ModelError(
+            f"model: found {type(model).__name__} with initial 'zero', expected initial 'free'"
+        )
+    found = copy(model)
+    object.__setattr__(found, "initial", "free")  # the same numbers, whatever the constructor takes
+    return found
 
 
 def nonlinear_rows(model: Structure) -> str:
