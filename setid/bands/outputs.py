@@ -405,10 +405,24 @@ def compare(
         fit=fits[chosen],
         band=band,
         fits=FrozenMapping(fits),
-        advice=_ONE_STEP if mode == "simulation" and _equation_errors_alone(result) else "",
+        advice="\n".join(_advice(result, mode, band, validation is not None)),
     )
 
 
+def _advice(result: FeasibleSet, mode: Mode, band: OutputBand, other: bool) -> list[str]:
+    """Say what a structure or its noise bounds are not meant for, where that may matter."""
+    found = []
+    if other and len(band.outside) and result.formulation.model.initial == "zero":
+        found.append(_AT_REST)
+    if mode == "simulation" and _equation_errors_alone(result):
+        found.append(_ONE_STEP)
+    return found
+
+
+_AT_REST = (
+    "that rests on signals that are zero before this record (initial='zero'): where they are not, "
+    "as in a part of a record, identify with initial='free'"
+)
 _ONE_STEP = (
     "the noise bounds are those of equation errors: they limit one-step errors, so that the set is "
     "meant for prediction; for simulation take result.best('simulation'), or bounds of the "
