@@ -54,7 +54,7 @@ from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options, with_executor
+from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -165,9 +165,7 @@ def identify(
     >>> result.intervals["b0"]
     b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     """
-    settings = options or Options()
-    if not isinstance(settings, Options):
-        raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    settings = checked_options(options)
     if not (on_progress is None or callable(on_progress)):
         raise SetidError(f"on_progress: found {on_progress!r:.60}, expected a callable")
     settings = with_executor(settings, executor)

@@ -13,7 +13,7 @@ from setid.data.checks import number, word
 from setid.errors import SetidError
 from sparsepop_py.budget import Deadline
 
-__all__ = ["Options", "check_executor", "with_executor"]
+__all__ = ["Options", "check_executor", "checked_options", "with_executor"]
 
 _LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
@@ -118,6 +118,20 @@ class Options:
             time_limit=self.time_limit if left is None or left == inf else left,
             cpu_limit=base.cpu_limit if self.cpu_limit is None else self.cpu_limit,
         )
+
+
+def checked_options(options: Options | None, usual: Options | None = None) -> Options:
+    """Return options, the usual ones where None is given.
+
+    Raises
+    ------
+    SetidError
+        If they are none of setid.
+    """
+    found = options if options is not None else usual or Options()
+    if not isinstance(found, Options):
+        raise SetidError(f"options: found {type(found).__name__}, expected setid.Options")
+    return found
 
 
 def check_executor(executor: Executor | None) -> None:

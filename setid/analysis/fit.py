@@ -35,7 +35,7 @@ from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.fits import fit_of_denominator
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options
+from setid.options import Options, checked_options
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import proved_point
@@ -273,7 +273,7 @@ def fit(
     """
     word(norm, "norm", ("linf", "l2", "l1"), SetidError)
     check_channels(data, model)
-    settings = options or Options(time_limit=60.0)
+    settings = checked_options(options, Options(time_limit=60.0))
     if word(errors, "errors", ("output", "equation"), SetidError) == "equation":
         if listed(priors):
             raise SetidError("priors: found some, expected none for equation errors")

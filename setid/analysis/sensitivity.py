@@ -28,7 +28,7 @@ from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
 from setid.models.continuous import without_delta
-from setid.options import Options, check_executor
+from setid.options import Options, check_executor, checked_options
 from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
@@ -231,7 +231,7 @@ def sensitivity(
     formulation = result.formulation
     if formulation.noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
-    settings = options or result.options
+    settings = checked_options(options, result.options)
     work = _Work(result, settings, settings.deadline())
     every = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
     given = _given(formulation)

@@ -212,7 +212,7 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
     known |= {name: ~np.isnan(signal.known) for name, signal in driven.items()}
     found = build_regression(data, model, signals, known, np.zeros(data.y.shape))
     if found is None:
-        advice = "setid.fit takes them"
+        advice = "setid.fit with errors='output' takes them"
         if isinstance(model, TransferFunction):
             advice = "use common_denominator=True, or one output and one input at a time"
         raise ModelError(

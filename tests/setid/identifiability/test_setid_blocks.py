@@ -420,7 +420,7 @@ def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
         with pytest.raises(setid.SetidError, match=f"{what} have no") as caught:
             asked(result)
         assert "common" not in str(caught.value)
-    with pytest.raises(setid.ModelError, match=f"{what} are not linear .* setid.fit takes them"):
+    with pytest.raises(setid.ModelError, match=f"{what} are not linear .* errors='output' takes"):
         setid.least_squares(truth.data, model)
 
 
@@ -449,6 +449,19 @@ def test_wrong_arguments_are_named() -> None:
         (lambda: setid.frequency_band(linear, executor=4), "executor: found 4"),
         (lambda: setid.sensitivity(linear, [1.0], executor="x"), "executor: found 'x'"),
     ]
+    given, other = (truth.data, model, noise_of(truth)), sp.Options()
+    gain = setid.Physical({"K": (0.1, 9.0)}, ["b1 = K*(1 + a1)"])
+    continuous = setid.ContinuousTransferFunction(1, 0)
+    for asked in (
+        lambda: setid.identify(*given, (), other),
+        lambda: setid.consistency(*given, (), other),
+        lambda: setid.fit(*given[:2], options=other),
+        lambda: setid.select(truth.data, setid.TransferFunction, given[2], [1], options=other),
+        lambda: setid.sensitivity(linear, [1.0], other),
+        lambda: setid.reparametrise(linear, gain, other),
+        lambda: setid.estimate_delta(truth.data, continuous, given[2], options=other),
+    ):
+        wrong.append((asked, "options: found Options, expected"))
     for call, message in wrong:
         with pytest.raises(setid.SetidError, match=message):
             call()
