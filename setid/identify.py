@@ -54,7 +54,7 @@ from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options, with_executor
+from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -72,7 +72,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
-from setid.result.holdout import Holdout, members
+from setid.result.holdout import Holdout, held_out, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
@@ -129,7 +129,8 @@ def identify(
     holdout : float, int or IOData, optional
         Samples that check the noise bounds: a part of the record that is left out of the
         identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
-        record. The result says with which factor on the bounds they are explained.
+        record. The result says with which factor on the bounds they are explained, whatever the
+        signals before them.
     on_progress : callable, optional
         Called with the name of a parameter, its proved and its attained interval so far, when they
         change and at the next stage after two seconds; ends are infinite where there is none.
@@ -164,9 +165,7 @@ def identify(
     >>> result.intervals["b0"]
     b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     """
-    settings = options or Options()
-    if not isinstance(settings, Options):
-        raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    settings = checked_options(options)
     if not (on_progress is None or callable(on_progress)):
         raise SetidError(f"on_progress: found {on_progress!r:.60}, expected a callable")
     settings = with_executor(settings, executor)
@@ -210,7 +209,8 @@ def _held_out(
     given = members(known, found.intervals)
     left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
-    level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
+    goes_on = held_out(known.model)
+    level = consistency(rest, goes_on, other, given, replace(settings, time_limit=left))
     return replace(found, holdout=Holdout(level))
 
 

@@ -13,7 +13,7 @@ from setid.data.checks import number, word
 from setid.errors import SetidError
 from sparsepop_py.budget import Deadline
 
-__all__ = ["Options", "with_executor"]
+__all__ = ["Options", "check_executor", "checked_options", "with_executor"]
 
 _LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
@@ -120,6 +120,33 @@ class Options:
         )
 
 
+def checked_options(options: Options | None, usual: Options | None = None) -> Options:
+    """Return options, the usual ones where None is given.
+
+    Raises
+    ------
+    SetidError
+        If they are none of setid.
+    """
+    found = options if options is not None else usual or Options()
+    if not isinstance(found, Options):
+        raise SetidError(f"options: found {type(found).__name__}, expected setid.Options")
+    return found
+
+
+def check_executor(executor: Executor | None) -> None:
+    """Check that an executor is one, or None.
+
+    Raises
+    ------
+    SetidError
+    """
+    if executor is not None and not isinstance(executor, Executor):
+        raise SetidError(
+            f"executor: found {executor!r:.60}, expected a concurrent.futures.Executor"
+        )
+
+
 def with_executor(options: Options, executor: Executor | None) -> Options:
     """Have an executor process the nodes of branch and bound, if there is one.
 
@@ -132,11 +159,8 @@ def with_executor(options: Options, executor: Executor | None) -> Options:
     -------
     Options
     """
+    check_executor(executor)
     if executor is None:
         return options
-    if not isinstance(executor, Executor):
-        raise SetidError(
-            f"executor: found {executor!r:.60}, expected a concurrent.futures.Executor"
-        )
     engine = options.engine or sp.Options(effort="auto")
     return replace(options, engine=replace(engine, executor=executor))

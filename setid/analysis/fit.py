@@ -35,7 +35,7 @@ from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.fits import fit_of_denominator
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options
+from setid.options import Options, checked_options
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import proved_point
@@ -273,7 +273,7 @@ def fit(
     """
     word(norm, "norm", ("linf", "l2", "l1"), SetidError)
     check_channels(data, model)
-    settings = options or Options(time_limit=60.0)
+    settings = checked_options(options, Options(time_limit=60.0))
     if word(errors, "errors", ("output", "equation"), SetidError) == "equation":
         if listed(priors):
             raise SetidError("priors: found some, expected none for equation errors")
@@ -511,15 +511,15 @@ def _by_engine(
     """Bound and attain the least error, from the local fit; as it was without a finite box."""
     theta, settings, until = rest
     formulation, norm = known.formulation, known.norm
-    known = replace(known, box=find_box(formulation, until), attained=None)
+    given, known = known, replace(known, box=find_box(formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
     scaled = in_units_of(known)
     lower, upper = scaled.problem.lower, scaled.problem.upper
     p = len(formulation.parameters)
-    point = _at_fit(known, theta, outputs)
     if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
-        return replace(known, attained=point)
+        return given
+    point = _at_fit(known, theta, outputs)
     start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
     left = None if until == inf else max(until - time.monotonic(), 1e-3)
     size = 2.0 * known.radius**2 if norm == "l2" else known.radius  # for a relative gap

@@ -12,9 +12,9 @@ import time
 import warnings
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,8 +29,9 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.printing import rounded
 from setid.html import section
 from setid.html import table as html_table
-from setid.models.block import BlockStructured
 from setid.models.equations import Structure
+from setid.models.general import from_unknown_start
+from setid.options import check_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -472,6 +473,7 @@ def _linear(
     formulation: Formulation, executor: Executor | None = None
 ) -> tuple[Evidence, set[int]]:
     """Exact bounds by linear programs, and the records that they use."""
+    check_executor(executor)
     problem, wanted = formulation.problem, objectives(formulation)
     if executor is None:
         bounds = tuple(sp.linear_bounds(problem, wanted))
@@ -524,11 +526,7 @@ def _from_unknown(model: Structure) -> Structure:
             "model: found no regression form, expected a structure whose outputs follow from "
             "readings alone"
         )
-    if model.initial == "free":
-        return model
-    if isinstance(model, BlockStructured):
-        return model.changed(initial="free")
-    return cast(Structure, replace(cast(Any, model), initial="free"))
+    return from_unknown_start(model)
 
 
 def _check_noise(noise: Noise) -> Noise:

@@ -19,7 +19,7 @@ from setid.feasible_points.inner_ends import loosened
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 from setid.formulation.units import InUnits, in_units
-from setid.options import Options
+from setid.options import Options, checked_options
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
@@ -223,7 +223,7 @@ def reparametrise(
     >>> setid.reparametrise(found, delay).intervals["T"]
     T in [0.527494, 1.09757], attained [0.527495, 1.09756], certified
     """
-    settings = options or Options()
+    settings = checked_options(options)
     if not isinstance(result, Identification):
         raise SetidError(f"result: found {type(result).__name__}, expected an Identification")
     if not isinstance(physical, Physical):

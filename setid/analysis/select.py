@@ -30,7 +30,7 @@ from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure
 from setid.models.registry import family_of
-from setid.options import Options
+from setid.options import Options, checked_options
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
@@ -227,7 +227,7 @@ def select(
     tops = _naturals(degrees, "degrees", 1)
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
-    known, settings = list(priors), options or Options()
+    known, settings = list(priors), checked_options(options)
     tried = list(product(sizes, tops))
     given = data, noise, known, settings
     found = (

@@ -28,7 +28,7 @@ from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
 from setid.models.continuous import without_delta
-from setid.options import Options
+from setid.options import Options, check_executor, checked_options
 from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
@@ -223,6 +223,7 @@ def sensitivity(
     """
     if not isinstance(result, Identification):
         raise SetidError(f"result: found {type(result).__name__}, expected Identification")
+    check_executor(executor)
     listed = entries_of(factors, "factors", "a list of factors", SetidError)
     values = [number(f, "factors", SetidError) for f in listed]
     if not values or not all(0.0 < value < inf for value in values):
@@ -230,7 +231,7 @@ def sensitivity(
     formulation = result.formulation
     if formulation.noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
-    settings = options or result.options
+    settings = checked_options(options, result.options)
     work = _Work(result, settings, settings.deadline())
     every = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
     given = _given(formulation)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands.responses import Kind
-from setid.data.checks import frozen, real_array, word
+from setid.data.checks import frozen, number, real_array, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -165,6 +165,9 @@ def static_band(
     (True, True)
     """
     check_result(result)
+    seconds = number(seconds, "seconds", SetidError)
+    if seconds < 0.0:
+        raise SetidError(f"seconds: found {seconds}, expected at least 0")
     model, target, item = _map_of(result, name)
     points = _arguments(result, item, x)
     slopes, constant = _directions(model, target, item, points)
@@ -196,6 +199,9 @@ def _arguments(result: FeasibleSet, item: StaticMap, x: ArrayLike | None) -> Rea
         points = points[:, None] if points.ndim == 1 else points
         if points.ndim != 2 or points.shape[1] != len(item.arguments):
             raise SetidError(f"x: found shape {points.shape}, expected (K, {len(item.arguments)})")
+        if np.any(np.isnan(points)):
+            row = int(np.isnan(points).any(axis=1).argmax())
+            raise SetidError(f"x: found NaN at [{row}], expected finite numbers")
         return points
     if len(item.arguments) == 1:
         low, high = _readings(result, item.arguments[0])

@@ -18,6 +18,8 @@ from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import cover_of
 from setid.models.equations import Structure
+from setid.models.general import nonlinear_rows
+from setid.models.lti import TransferFunction
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.partition import Ranges
@@ -85,9 +87,9 @@ def rows_of(model: Structure) -> list[OutputRow]:
     """
     equations = model.regression()
     if not equations:
+        other = ", or a common denominator" if isinstance(model, TransferFunction) else ""
         raise ModelError(
-            "model: separate denominators have no proved bands; use kind='sampled', or a "
-            "common denominator"
+            f"model: {nonlinear_rows(model)} have no proved bands; use kind='sampled'{other}"
         )
     return [output_row(equation, model) for equation in equations]
 

@@ -27,6 +27,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
+from setid.models.general import nonlinear_rows
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -337,9 +338,8 @@ def predict(
         )
     rows = formulate(record, model, noise or result.formulation.noise).regression
     if rows is None:
-        raise SetidError(
-            "model: separate denominators have no one-step prediction; simulate them instead"
-        )
+        what = nonlinear_rows(model)
+        raise SetidError(f"model: {what} have no one-step prediction; simulate instead")
     place = rows.row, rows.output - 1
     known = rows.target - record.y[place]  # what a row holds beside the reading itself
     columns = [-(rows.regressors @ theta) - known]
@@ -405,10 +405,24 @@ def compare(
         fit=fits[chosen],
         band=band,
         fits=FrozenMapping(fits),
-        advice=_ONE_STEP if mode == "simulation" and _equation_errors_alone(result) else "",
+        advice="\n".join(_advice(result, mode, band, validation is not None)),
     )
 
 
+def _advice(result: FeasibleSet, mode: Mode, band: OutputBand, other: bool) -> list[str]:
+    """Say what a structure or its noise bounds are not meant for, where that may matter."""
+    found = []
+    if other and len(band.outside) and result.formulation.model.initial == "zero":
+        found.append(_AT_REST)
+    if mode == "simulation" and _equation_errors_alone(result):
+        found.append(_ONE_STEP)
+    return found
+
+
+_AT_REST = (
+    "that rests on signals that are zero before this record (initial='zero'): where they are not, "
+    "as in a part of a record, identify with initial='free'"
+)
 _ONE_STEP = (
     "the noise bounds are those of equation errors: they limit one-step errors, so that the set is "
     "meant for prediction; for simulation take result.best('simulation'), or bounds of the "

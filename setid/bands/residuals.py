@@ -12,6 +12,7 @@ from setid.data.checks import frozen, parameters_of
 from setid.errors import SetidError
 from setid.feasible_points.members import nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.general import nonlinear_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +91,8 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     check_result(result)
     rows = result.formulation.regression
     if rows is None:
-        raise SetidError("model: separate denominators have no one-step residuals")
+        what = nonlinear_rows(result.formulation.model)
+        raise SetidError(f"model: {what} have no one-step residuals")
     values = nominal(result) if theta is None else parameters_of(theta, rows.names)
     return Residuals(
         values,

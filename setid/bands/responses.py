@@ -22,6 +22,7 @@ from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import Proposer
+from setid.options import check_executor
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
 from setid.proofs.frequency.regions import frequency_regions, rounding_of
 from setid.proofs.supports import Cover
@@ -240,6 +241,7 @@ def frequency_band(
     theta = nominal(result)
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
     arcs = None
+    check_executor(executor)
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
         until = time.monotonic() + number(time_limit, "time_limit", SetidError)
         cover, _ = principal_cover(result, _SHARE * time_limit)

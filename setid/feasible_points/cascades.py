@@ -22,8 +22,7 @@ from setid.feasible_set.simulations import principal_directions, simulated_box
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import channel_of
-from setid.proofs.cells.output_cells import CellBox
-from setid.proofs.parameter_box import ParameterBox, ProvedBox, start_of
+from setid.proofs.parameter_box import ProvedBox, start_of
 from setid.proofs.simulated.outputs import Recursion, recursion_of
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.budget import Deadline
@@ -174,12 +173,12 @@ def tightened_cascade(
     if not np.all(np.isfinite(slopes)):
         return None
     directions = principal_directions(slopes, np.maximum(widths, 1e-300))
-    first = box if isinstance(box, CellBox | ParameterBox) else None
+    assert not isinstance(box, SimulatedBox)
     return simulated_box(
         fitting.formulation,
         fitting.parts,
         (fitting.lower, fitting.upper),
-        first,
+        box,
         frozen(directions),
         attained,
         _SHARE * tol,

@@ -17,6 +17,7 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.witness import Witness, least_noise
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
+from setid.models.general import nonlinear_rows
 from setid.proofs.existence import admitted
 from sparsepop_py.lp.scaled import solve_scaled
 
@@ -193,7 +194,8 @@ def projection_estimate(result: FeasibleSet) -> Reals:
     result.require_members()
     rows = result.formulation.regression
     if rows is None:
-        raise ModelError("model: separate denominators have no regression form to project on")
+        what = nonlinear_rows(result.formulation.model)
+        raise ModelError(f"model: {what} have no regression form to project on")
     one = np.ones((rows.target.size, 1))
     matrix = np.block([[rows.regressors, -one], [-rows.regressors, -one]])
     right = np.concatenate([-rows.target, rows.target])

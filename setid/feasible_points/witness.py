@@ -124,7 +124,7 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
 def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
     """Check equations that were linearised, up to rounding."""
     return all(
-        abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max())
+        abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max(initial=0.0))
         for c, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True)
         if origin == "model" and c.kind is sp.Kind.ZERO
     )

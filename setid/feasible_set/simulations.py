@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from setid.feasible_set.proposer import Proposer
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.row_boxes import RowBox
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces
 from setid.proofs.simulated.tree import (
@@ -26,7 +27,6 @@ from setid.proofs.simulated.tree import (
 )
 from setid.proofs.supports import Cover
 from sparsepop_py.budget import Deadline
-from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["principal_directions", "simulated_box"]
 
@@ -65,7 +65,7 @@ def simulated_box(
     formulation: Formulation,
     parts: Recursion,
     box: tuple[Reals, Reals],
-    first: CellBox | ParameterBox | None,
+    first: CellBox | RowBox | None,
     directions: Reals,
     attained: tuple[Reals, Reals] | None,
     tol: float,
@@ -81,7 +81,7 @@ def simulated_box(
     parts : Recursion
     box : (lower, upper), each (d,) float
         Of the parameters, and of first samples that no equation gives.
-    first : CellBox, ParameterBox or None
+    first : CellBox, ParameterBox, DirectionBox, LiftedBox or None
         What proved the box, where priors alone do not.
     directions : (q, d) float
     attained : (lower, upper), each (p,) float, or None

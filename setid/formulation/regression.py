@@ -16,6 +16,8 @@ from setid.formulation.signals import Integers, Reals, Signal, measured, product
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Structure
+from setid.models.general import nonlinear_rows
+from setid.models.lti import TransferFunction
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
 __all__ = [
@@ -210,9 +212,11 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
     known |= {name: ~np.isnan(signal.known) for name, signal in driven.items()}
     found = build_regression(data, model, signals, known, np.zeros(data.y.shape))
     if found is None:
+        advice = "setid.fit with errors='output' takes them"
+        if isinstance(model, TransferFunction):
+            advice = "use common_denominator=True, or one output and one input at a time"
         raise ModelError(
-            "model: separate denominators are not linear in the parameters; use "
-            "common_denominator=True, or one output and one input at a time"
+            f"model: {nonlinear_rows(model)} are not linear in the parameters; {advice}"
         )
     if not found.target.size:
         raise DataError(f"data: found {data.samples} samples and no complete row, expected more")

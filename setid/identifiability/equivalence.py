@@ -10,9 +10,9 @@ from itertools import combinations
 from itertools import product as cartesian
 from typing import cast
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from setid.data.checks import parameters_of
 from setid.errors import ModelError
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.models.block import BlockStructured, Lure, Normalise
@@ -56,13 +56,16 @@ def convert(
     >>> {name: round(value, 9) for name, value in other.items()}
     {'a1': -0.5, 'b1': 0.5, 'gamma1': 4.0, 'gamma2': 1.0}
     """
-    names = model.parameters
-    values = theta if isinstance(theta, Mapping) else dict(zip(names, np.ravel(theta), strict=True))
-    if set(values) != set(names):
-        raise ModelError(f"theta: found names {sorted(values)}, expected {sorted(names)}")
-    ends = {name: (float(value), float(value)) for name, value in values.items()}
+    _check(model)
+    values = parameters_of(theta, model.parameters).tolist()
+    ends = {name: (value, value) for name, value in zip(model.parameters, values, strict=True)}
     found = convert_ends(model, ends, normalise)
     return {name: 0.5 * low + 0.5 * high for name, (low, high) in found.items()}
+
+
+def _check(model: BlockStructured) -> None:
+    if not isinstance(model, BlockStructured):
+        raise ModelError(f"model: found {type(model).__name__}, expected a block structure")
 
 
 def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, Ends]:
@@ -128,9 +131,11 @@ def equivalent(
     >>> setid.equivalent(model, [-0.5, 2.0, 0.0, 0.3], [-0.1, 2.0, -0.2, 0.3])
     True
     """
+    _check(model)
+    vectors = [parameters_of(vector, model.parameters) for vector in (theta, other)]
     for choice in _choices(model):
         try:
-            one, two = (convert(model, vector, choice) for vector in (theta, other))
+            one, two = (convert(model, vector, choice) for vector in vectors)
         except ModelError:
             continue
         return all(

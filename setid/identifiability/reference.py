@@ -127,7 +127,7 @@ def reference_model(
     for name in model.parameters:
         if name in affected and not unidentifiable(normalised_by(model, name)):
             other = formulate(data, normalised_by(model, name), noise, priors)
-            found = cell_box(other, start_of(other))
+            found = cell_box(other, start_of(other), samples=False)
             if found is not None and not found.open:
                 return Reference(normalised_by(model, name), found)
     raise ModelError(

@@ -28,7 +28,7 @@ from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
 from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
-from setid.options import Options
+from setid.options import Options, checked_options
 from setid.priors.base import Prior, listed
 from setid.proofs.least_noise.noise_scale import admitted_point, problem_with_factor
 from setid.proofs.parameter_box import start_of
@@ -70,6 +70,10 @@ def discretisation_error(
     """
     from scipy.signal import cont2discrete, lfilter
 
+    if not isinstance(model, ContinuousTransferFunction):
+        raise ModelError(
+            f"model: found {type(model).__name__}, expected a ContinuousTransferFunction"
+        )
     inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
     values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
     recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]
@@ -181,7 +185,7 @@ def estimate_delta(
     def stated(delta: float) -> Formulation:
         return formulate(data, exact, noise.covering(delta), given)
 
-    settings = options or Options(time_limit=_SECONDS)
+    settings = checked_options(options, Options(time_limit=_SECONDS))
     until = settings.deadline()
     limit, x = _explaining(data, stated, until)
     low, value = 0.0, limit

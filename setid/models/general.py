@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,21 @@ from numpy.typing import NDArray
 
 from setid.data.checks import entries_of, natural, number, word
 from setid.errors import ModelError
-from setid.models.equations import Equation, Initial, Transfer, channel_of
+from setid.models.equations import Equation, Initial, Structure, Transfer, channel_of
 from setid.models.html import InNotebook
 from setid.models.lti import Form, TransferFunction
 from setid.models.maps import StaticMap
 from setid.models.wiring import Block, Maps, Wiring
 
-__all__ = ["BlockStructured", "Normalise", "read_blocks", "read_maps", "read_normalisation"]
+__all__ = [
+    "BlockStructured",
+    "Normalise",
+    "from_unknown_start",
+    "nonlinear_rows",
+    "read_blocks",
+    "read_maps",
+    "read_normalisation",
+]
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SUM = re.compile(r"\s*([+-]?)\s*([A-Za-z_]\w*)")
@@ -37,6 +46,8 @@ def read_blocks(linear: Mapping[tuple[str, str], TransferFunction]) -> tuple[Blo
     ModelError
         Naming the entry.
     """
+    if not isinstance(linear, Mapping):
+        raise ModelError(f"linear: found {type(linear).__name__}, expected a mapping of pairs")
     found = []
     for key, item in linear.items():
         field = f"linear[{key!r}]"
@@ -87,6 +98,8 @@ def read_maps(
     """
     inputs = natural(channels[0], "inputs", ModelError, least=1)
     outputs = natural(channels[1], "outputs", ModelError, least=1)
+    if not isinstance(nonlinear, Mapping):
+        raise ModelError(f"nonlinear: found {type(nonlinear).__name__}, expected a mapping")
     for name, item in nonlinear.items():
         _check_map(name, item)
         if initial == "zero":
@@ -408,3 +421,58 @@ class BlockStructured(InNotebook):
             f"<{type(self).__name__}: {'; '.join(parts)}; na,nb,nk = {orders}; "
             f"normalisation: {norm}; initial: {self.initial}>"
         )
+
+
+def from_unknown_start(model: Structure) -> Structure:
+    """Change a structure to one with unknown signals before each record.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Raises
+    ------
+    ModelError
+        If a structure of another kind begins at rest.
+
+    Examples
+    --------
+    >>> import setid
+    >>> from_unknown_start(setid.TransferFunction(1, 1, 1, initial="zero")).initial
+    'free'
+    """
+    if model.initial == "free":
+        return model
+    if isinstance(model, BlockStructured):
+        return model.changed(initial="free")
+    if not is_dataclass(model):
+        raise ModelError(
+            f"model: found {type(model).__name__} with initial 'zero', expected initial 'free'"
+        )
+    found = copy(model)
+    object.__setattr__(found, "initial", "free")  # the same numbers, whatever the constructor takes
+    return found
+
+
+def nonlinear_rows(model: Structure) -> str:
+    """Name what keeps the equations of a structure from being linear in its parameters.
+
+    Parameters
+    ----------
+    model : Structure
+        Without a regression form.
+
+    Examples
+    --------
+    >>> import setid
+    >>> linear = setid.TransferFunction(1, 1, 1)
+    >>> nonlinear_rows(setid.Hammerstein(linear, 2, "gamma1"))
+    'rows with products of parameters'
+    >>> nonlinear_rows(setid.Wiener(linear, 2, "gamma1"))
+    'rows with internal signals (z)'
+    """
+    if not isinstance(model, BlockStructured):
+        return "separate denominators"
+    if model.direct():
+        return "rows with products of parameters"
+    return f"rows with internal signals ({', '.join(model.internal)})"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import natural, real_array
+from setid.data.checks import entries_of, natural, real_array
 from setid.errors import ModelError
 
 __all__ = ["Function", "StaticMap"]
@@ -51,7 +51,8 @@ class StaticMap:
     basis: tuple[Powers | Function, ...]
 
     def __init__(self, arguments: str | Sequence[str], basis: int | Sequence[Any]) -> None:
-        names = (arguments,) if isinstance(arguments, str) else tuple(arguments)
+        given = [arguments] if isinstance(arguments, str) else arguments
+        names = tuple(entries_of(given, "StaticMap.arguments", "names of signals", ModelError))
         if not names or len(set(names)) != len(names) or not all(isinstance(n, str) for n in names):
             raise ModelError(
                 f"StaticMap.arguments: found {arguments!r}, expected distinct signal names"

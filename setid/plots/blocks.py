@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from setid.errors import ModelError
+from setid.models.block import BlockStructured
 from setid.plots.axes import ink, new_axes, require_matplotlib
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
 
     from setid.bands.blocks import SignalBand, StaticBand
     from setid.feasible_set.feasible_set import FeasibleSet
-    from setid.models.block import BlockStructured
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]
 
@@ -87,6 +87,8 @@ def plot_diagram(
     ax : matplotlib Axes, optional
     """
     require_matplotlib()
+    if not isinstance(model, BlockStructured):
+        raise ModelError(f"model: found {type(model).__name__}, expected a block structure")
     elements = _elements(model, result)
     columns = _columns(elements)
     rows: dict[int, int] = {}

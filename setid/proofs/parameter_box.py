@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.formulation.regression import Regression
-from setid.formulation.units import coupled_rows
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.row_boxes import RowBox, product_rows, rows_prove
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
-from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
-from sparsepop_py.verified.uncertain_rows.products import ProductRows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
@@ -30,9 +24,7 @@ __all__ = [
     "start_of",
 ]
 
-ProvedBox = (
-    ParameterBox | DirectionBox | LiftedBox | CellBox | SimulatedBox
-)  # of parameters, from the data
+ProvedBox = RowBox | CellBox | SimulatedBox  # of parameters, from the data
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
@@ -40,44 +32,7 @@ def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     start = start_of(formulation)
     if isinstance(box, CellBox | SimulatedBox):
         return box.verify(formulation, start)
-    if isinstance(box, LiftedBox):
-        products = product_rows(formulation)
-        return products is not None and box.verify(products, start, coupled_rows(formulation))
-    rows = formulation.smoothed
-    if rows is None:
-        return False
-    if isinstance(box, DirectionBox):
-        return box.verify(rows, coupled_rows(formulation), start)
-    return box.verify(rows, start)
-
-
-def product_rows(formulation: Formulation) -> ProductRows | None:
-    """State the rows of the data in products of parameters.
-
-    Parameters
-    ----------
-    formulation : Formulation
-
-    Returns
-    -------
-    ProductRows or None
-        With rows that know their samples. None where an unknown other than theta has no finite
-        bounds, or no row is left.
-    """
-    if formulation.products is not None:
-        return formulation.products
-    found = lifted_rows(coupled_rows(formulation), formulation.parameters)
-    if found is None:
-        return None
-    rows, problem = formulation.rows, formulation.problem
-    kept = np.flatnonzero((rows.sample > 0) & problem.equality)
-    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
-    record, sample = rows.record[kept], rows.sample[kept]
-    where = formulation.data.starts[record - 1] + sample - 1
-    known = found.regression
-    fields = known.names, known.target, known.regressors, known.radius, known.radii
-    places = (frozen(np.array(array)) for array in (where, record, sample, channel))
-    return replace(found, regression=Regression(*fields, *places))
+    return rows_prove(box, formulation, start)
 
 
 def start_of(formulation: Formulation) -> NDArray[np.float64]:

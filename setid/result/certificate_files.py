@@ -213,21 +213,21 @@ def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict
     ends = {"lower": [_number(v) for v in box.lower], "upper": [_number(v) for v in box.upper]}
     steps = None
     if type(formulation.model) is TransferFunction:
-        if isinstance(box, LiftedBox):
-            steps = _lifted(box, formulation, start)
-        elif isinstance(box, SimulatedBox):
-            steps = _simulated(box, formulation, start)
-        elif formulation.smoothed is formulation.regression:
-            steps = _by_rows(box, formulation, start)
+        known = _simulated if isinstance(box, SimulatedBox) else _by_rows
+        steps = known(box, formulation, start)
     return ends | {"steps": steps, "kind": type(box).__name__}
 
 
 def _by_rows(
     box: Any, formulation: Formulation, start: NDArray[np.float64]
 ) -> list[dict[str, Any]] | None:
-    """Steps of boxes from rows that are linear in the parameters."""
+    """Steps of boxes from rows that are linear in the parameters or in their products."""
+    if isinstance(box, LiftedBox):
+        return _lifted(box, formulation, start)
     rows = formulation.regression
     if rows is None or not isinstance(box, ParameterBox | DirectionBox):
+        return None
+    if formulation.smoothed is not rows:
         return None
     if isinstance(box, ParameterBox):
         return _steps(box, rows, (start[0], start[1]))
@@ -239,13 +239,13 @@ def _by_rows(
 def _simulated(
     box: SimulatedBox, formulation: Formulation, start: NDArray[np.float64]
 ) -> list[dict[str, Any]] | None:
-    """Steps of simulations; None where they begin with cells of the outputs."""
+    """Steps of simulations; None where the file does not hold those of the box before."""
     inside, first = (start[0], start[1]), list[dict[str, Any]]()
     if box.first is not None:
-        rows = formulation.regression
-        if not isinstance(box.first, ParameterBox) or rows is None:
+        found = _by_rows(box.first, formulation, start)
+        if found is None:
             return None
-        first = _steps(box.first, rows, inside)
+        first = found
         inside = np.maximum(start[0], box.first.lower), np.minimum(start[1], box.first.upper)
     return [*first, simulation_step(box, formulation, inside)]
 

@@ -12,6 +12,7 @@ from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Structure, Transfer
+from setid.models.general import nonlinear_rows
 from setid.simulation.simulate import leading, simulate, weight
 
 __all__ = [
@@ -216,7 +217,7 @@ def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
     """From the first complete readings on, sample by sample."""
     equations = model.regression()
     if not equations:
-        raise ModelError("model: separate denominators can be simulated from rest only")
+        raise ModelError(f"model: {nonlinear_rows(model)} can be simulated from rest only")
     result, first = y.copy(), known_from(y, max(e.lag for e in equations))
     place = dict(zip(model.parameters, theta.tolist(), strict=True))
     signals: Mapping[str, Any] = {

@@ -349,8 +349,9 @@ def _below_orders(
         specs.append(RelaxationSpec("split", 0.9, "split", products=True))
     single = len(objectives) < HIERARCHY.family
     if not products.has_star or (single and problem.dimension <= HIERARCHY.small_problem):
-        specs.append(RelaxationSpec("mixed", 0.8, "mixed", products=True))
-        if _differ(cliques["partners"], cliques["constraints"]):
+        mixed = RelaxationSpec("mixed", 0.8, "mixed", products=True)
+        specs.append(mixed)  # cliques of partners are no smaller, and take long to find
+        if mixed.fits(cliques) and _differ(cliques["partners"], cliques["constraints"]):
             name = "mixed, partner cliques"
             specs.append(RelaxationSpec(name, 0.83, "mixed", products=True, joined="partners"))
     return specs

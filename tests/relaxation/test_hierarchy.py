@@ -5,7 +5,12 @@ import itertools
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec, expected_seconds
+from sparsepop_py.relaxation.hierarchy import (
+    Families,
+    RelaxationSpec,
+    expected_seconds,
+    relaxation_specs,
+)
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
@@ -48,3 +53,15 @@ def test_cliques_that_share_little_cost_no_more_than_apart() -> None:
     found, cliques = _price(chain, 30, 2)
     assert len(cliques.members) == 29
     assert 0.0 < found <= expected_seconds({6: 29.0, 3: 58.0}, 29 * 21.0 + 58 * 6.0)
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_partners_are_sought_only_where_cliques_of_rows_fit(monkeypatch, fits: bool) -> None:
+    x = sp.variables(8)
+    rows = [x[0] * x[i] == 0.5 * x[i + 1] for i in range(1, 7)]
+    ball = sp.total([v**2 for v in x[1:]]) <= 1
+    problem = sp.Problem(x[0], [*rows, ball], lower=-1.0, upper=1.0)
+    families = Families(problem, (problem.objective,), True, "auto")
+    monkeypatch.setattr(RelaxationSpec, "fits", lambda spec, cliques: fits)
+    relaxation_specs(problem, families, (problem.objective,), None)
+    assert ("partners" in families) is fits

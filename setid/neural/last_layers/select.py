@@ -13,6 +13,7 @@ from setid import IOData, ModelError
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.models.regressor import NNARX
 from setid.neural.training.train import initial, train
+from setid.options import check_executor
 from sparsepop_py.executors.dispatch import map_in_order
 
 __all__ = ["Candidate", "NetworkSelection", "select"]
@@ -113,6 +114,7 @@ def select(
     >>> len(found.log), found.chosen.order
     (2, 1)
     """
+    check_executor(executor)
     settings = (data, validation, factor, activation, starts, seed)
     tasks = [(order, width, settings) for order in orders for width in widths]
     log = map_in_order(executor, _tried, tasks)

@@ -21,6 +21,7 @@ __all__ = ["CellRows", "Enclosed", "Fitted", "enclosed", "fitted", "rows_of"]
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-11  # more than the rounding of sums of positive numbers
+_EXACT = 1e-8  # of the largest error of a row: less counts as this in weights
 
 
 class Enclosed(NamedTuple):
@@ -192,8 +193,9 @@ def fitted(given: CellRows) -> Fitted:
     sure = usable.astype(float)
     gamma = _least_squares(matrix, sure, y)[0]
     for _ in range(3):  # rows in which z is known badly count little
-        size = noise + np.einsum("ckm,cm->ck", wide, np.abs(gamma)) + 1e-300
-        trust = sure / size**2
+        size = noise + np.einsum("ckm,cm->ck", wide, np.abs(gamma))
+        size = _above_rounding(size, usable, y)
+        trust = sure * (size.min(axis=1, keepdims=True) / size) ** 2
         gamma, inverse = _least_squares(matrix, trust, y)
     inverse = np.where(usable[:, None, :], inverse, 0.0)
     reach, bounded = _radius(inverse, given, gamma)
@@ -207,6 +209,13 @@ def fitted(given: CellRows) -> Fitted:
         weight = weight * (np.abs(rest) / top + 3e-2) ** 2
         fit = _least_squares(matrix, weight, y)[0]
     return Fitted(gamma, reach, bounded, empty)
+
+
+def _above_rounding(errors: Reals, usable: NDArray[np.bool_], y: Reals) -> Reals:
+    """Errors of rows with a least size, so that weights of exact rows are finite."""
+    largest = np.maximum(errors, _EXACT * np.abs(y)) * usable
+    least = np.maximum(_EXACT * largest.max(axis=1, keepdims=True), 1e-150)
+    return np.asarray(np.maximum(errors, least), np.float64)
 
 
 def _usable(given: CellRows) -> tuple[CellRows, NDArray[np.bool_]]:

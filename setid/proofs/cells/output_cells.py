@@ -47,6 +47,7 @@ _MOST = 20000  # cells at a time
 _MOST_FREE = 4000  # where rows share their noise, which takes more memory
 _ROUNDS = 60
 _PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine
+_NUMBERS = 400_000  # of slopes of the internal signal at a time, in all of its samples
 _FAR = 1e100  # of a signal: what says nothing
 _FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
 
@@ -83,7 +84,8 @@ class CellBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Compute it again from the data; there is no solver in it."""
-        again = cell_box(formulation, start, rounds=max(self.rounds, 0))
+        claimed = bool(np.any(np.isfinite([self.low, self.high])))
+        again = cell_box(formulation, start, rounds=max(self.rounds, 0), samples=claimed)
         return (
             again is not None
             and np.array_equal(again.unknowns, self.unknowns)
@@ -96,7 +98,11 @@ class CellBox(Bounds):
 
 
 def cell_box(
-    formulation: Formulation, start: Reals, until: float = inf, rounds: int = _ROUNDS
+    formulation: Formulation,
+    start: Reals,
+    until: float = inf,
+    rounds: int = _ROUNDS,
+    samples: bool = True,
 ) -> CellBox | None:
     """Bound parameters by cells; None where the structure is no G and N in a row.
 
@@ -106,9 +112,12 @@ def cell_box(
     start : (2, p) float
         Bounds of priors; finite for the denominator (:class:`Stable` or :class:`Box`).
     until : float
-        Reading of ``time.monotonic`` from which on no cell is halved.
+        Reading of ``time.monotonic`` from which on no cell is halved, and samples of the internal
+        signal are left without bounds.
     rounds : int
         Most halvings.
+    samples : bool
+        Whether samples of the internal signal are bounded.
     """
     parts = parts_of(formulation)
     if parts is None or not can_start(parts):
@@ -127,7 +136,23 @@ def cell_box(
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
     left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
-    return _converted(parts, formulation, start, left, fit, used)
+    hull, kept = _converted(parts, formulation, start, left, fit)
+    numbers = formulation.layout.group(parts.signal)
+    present = np.flatnonzero(numbers >= 0)
+    signal = np.array([np.full(present.size, np.inf), np.full(present.size, -np.inf)])
+    if fit is not None and kept.size:
+        until = until if samples else -inf
+        signal = _signal(parts, formulation, left, fit, kept, until)[:, present]
+    return CellBox(
+        formulation.parameters,
+        frozen(hull[0]),
+        frozen(hull[1]),
+        numbers[present],
+        frozen(signal[0]),
+        frozen(signal[1]),
+        len(left),
+        used,
+    )
 
 
 def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -299,8 +324,8 @@ def _effects(
             gamma[:, m, None] * column.power * z ** max(column.power - 1, 0)
             for m, column in enumerate(columns)
         )
-    scale = slope / np.maximum(noise, 1e-300)
-    effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
+        scale = slope / np.maximum(noise, max(1e-8 * noise.max(), 1e-300))  # some may be exact
+        effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
     width = found.radii > 0
     return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
 
@@ -347,53 +372,58 @@ def _allowed(parts: Parts, formulation: Formulation, cells: Reals) -> NDArray[np
 
 
 def _converted(
-    parts: Parts,
-    formulation: Formulation,
-    start: Reals,
-    cells: Reals,
-    fit: Fitted | None,
-    rounds: int,
-) -> CellBox:
-    """The hull of all cells in the normalisation of the model."""
+    parts: Parts, formulation: Formulation, start: Reals, cells: Reals, fit: Fitted | None
+) -> tuple[Reals, NDArray[np.int64]]:
+    """The hull (2, p) of all cells in the normalisation of the model; cells that are not empty."""
     names, p = formulation.parameters, start.shape[1]
     model = formulation.model
     assert isinstance(model, BlockStructured)
-    numbers = formulation.layout.group(parts.signal)
-    present = np.flatnonzero(numbers >= 0)
-    hull = np.array([np.full(p, np.inf), np.full(p, -np.inf)])
-    signal = np.array([np.full(present.size, np.inf), np.full(present.size, -np.inf)])
+    hull, kept = np.array([np.full(p, np.inf), np.full(p, -np.inf)]), list[int]()
     if fit is not None:
-        every = np.arange(formulation.data.samples)
-        found = enclosed(cells, len(parts.poles), parts.drives, parts.drive_noise)
-        z_low = (found.centre - found.radius)[:, every[present]]
-        z_high = (found.centre + found.radius)[:, every[present]]
-        if parts.initial:
-            reach = _from_start(parts, formulation, cells, fit)[:, present]
-            z_low, z_high = z_low - reach, z_high + reach
         factor = _factor(parts, model, cells, fit)
         place = {name: i for i, name in enumerate(names)}
         for c in range(len(cells)):
             box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
             if np.any(box[0] > box[1]):
                 continue
+            kept.append(c)
             hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
-            with np.errstate(invalid="ignore", over="ignore"):
-                both = factor[c, :, None, None] * np.stack([z_low[c], z_high[c]])
-            some = np.all(np.isfinite(both), axis=(0, 1))
-            both = np.where(some, both, 0.0)
-            wide = np.where(some, 1e-12 * np.abs(both).max(axis=(0, 1)), np.inf)
-            low, high = both.min(axis=(0, 1)) - wide, both.max(axis=(0, 1)) + wide
-            signal = np.array([np.minimum(signal[0], low), np.maximum(signal[1], high)])
-    return CellBox(
-        names,
-        frozen(hull[0]),
-        frozen(hull[1]),
-        numbers[present],
-        frozen(signal[0]),
-        frozen(signal[1]),
-        len(cells),
-        rounds,
-    )
+    return hull, np.array(kept, np.int64)
+
+
+def _signal(
+    parts: Parts,
+    formulation: Formulation,
+    cells: Reals,
+    fit: Fitted,
+    kept: NDArray[np.int64],
+    until: float,
+) -> Reals:
+    """Bounds (2, N) of the internal signal in some cells; infinite where time ends before all."""
+    model, samples = formulation.model, formulation.data.samples
+    assert isinstance(model, BlockStructured)
+    factor = _factor(parts, model, cells, fit)
+    low, high = np.full(samples, np.inf), np.full(samples, -np.inf)
+    size = max(_NUMBERS // (samples * cells.shape[2]), 1)
+    for begin in range(0, kept.size, size):
+        if time.monotonic() >= until:
+            return np.array([np.full(samples, -np.inf), np.full(samples, np.inf)])
+        some = kept[begin : begin + size]
+        found = enclosed(cells[some], len(parts.poles), parts.drives, parts.drive_noise)
+        z = np.stack([found.centre - found.radius, found.centre + found.radius], axis=1)
+        if parts.initial:
+            own = fit.gamma[some], fit.radius[some]
+            part = Fitted(*own, fit.bounded[some], fit.empty[some])
+            reach = _from_start(parts, formulation, cells[some], part)
+            z += np.stack([-reach, reach], axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            both = factor[some, :, None, None] * z[:, None]
+        finite = np.all(np.isfinite(both), axis=(1, 2))
+        both = np.where(finite[:, None, None], both, 0.0)
+        wide = np.where(finite, 1e-12 * np.abs(both).max(axis=(1, 2)), np.inf)
+        low = np.minimum(low, (both.min(axis=(1, 2)) - wide).min(axis=0))
+        high = np.maximum(high, (both.max(axis=(1, 2)) + wide).max(axis=0))
+    return np.array([low, high])
 
 
 def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitted) -> Reals:

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.row_boxes import RowBox, rows_prove
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
 from setid.proofs.supports import Cover, box_ranges, safe_maxima
 from sparsepop_py.verified.uncertain_rows.box import Bounds
-from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
     "SimulatedBox",
@@ -148,7 +148,7 @@ class SimulatedBox(Bounds):
     ----------
     names, lower, upper
         As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
-    first : CellBox, ParameterBox or None
+    first : CellBox, ParameterBox, DirectionBox, LiftedBox or None
         A box to begin with, where the priors give no finite one.
     directions : (q, d) float
         Along which regions are bounded besides the parameters and first samples.
@@ -158,7 +158,7 @@ class SimulatedBox(Bounds):
         Whether time sufficed; says nothing that is trusted.
     """
 
-    first: CellBox | ParameterBox | None
+    first: CellBox | RowBox | None
     directions: Reals
     nodes: tuple[TreeNode, ...]
     complete: bool = True
@@ -226,11 +226,10 @@ class SimulatedBox(Bounds):
         return f"{self.leaves} cells, {Bounds._text(self)}"
 
 
-def _first_follows(first: CellBox | ParameterBox, formulation: Formulation, start: Reals) -> bool:
+def _first_follows(first: CellBox | RowBox, formulation: Formulation, start: Reals) -> bool:
     if isinstance(first, CellBox):
         return first.verify(formulation, start)
-    rows = formulation.smoothed
-    return rows is not None and first.verify(rows, start)
+    return rows_prove(first, formulation, start)
 
 
 def _after_steps(

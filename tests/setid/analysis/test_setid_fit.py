@@ -11,7 +11,9 @@ from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 import setid
+from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.least_noise.least_error import Norm
+from setid.proofs.parameter_box import start_of
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
 QUICK = setid.Options(time_limit=10.0, progress=False)
@@ -136,6 +138,20 @@ def test_a_constant_input_beside_an_offset_is_fitted() -> None:
     model = setid.TransferFunction(1, 1, 1, offset=True)
     found = setid.fit(data, model, "linf", options=QUICK)
     assert found.attained and found.error <= 1.0 + 2e-3
+
+
+def test_boxes_that_are_not_finite_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def few(formulation: setid.Formulation, until: float = np.inf) -> CellBox | None:
+        return cell_box(formulation, start_of(formulation), until, rounds=0)
+
+    monkeypatch.setattr("setid.analysis.fit.find_box", few)
+    u = np.random.default_rng(1).uniform(-1.0, 1.0, 30)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, "gamma1", initial="zero")
+    noise = setid.Noise(output=0.01)
+    truth = setid.simulate_record(model, [-0.5, 0.8, 0.3], u, noise, seed=2)
+    found = setid.fit(truth.data, model, "l2", priors=setid.Stable())
+    assert found.error <= 0.011 * np.sqrt(30) and found.lower_bound == 0.0 and found.verify()
+    assert found.evidence is not None and found.evidence.box is None
 
 
 def test_no_engine_is_asked_when_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:

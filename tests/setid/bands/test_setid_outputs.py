@@ -213,3 +213,16 @@ def test_simulations_without_feedback_have_nothing_to_part() -> None:
     band = simulate_band(found, setid.IOData([1.0, 0.0, -4.0], [0.0, 0.0, 0.0]), tolerance=1e-300)
     assert band.low[:, 0] == pytest.approx([0.95, 0.0, -4.2])
     assert band.high[:, 0] == pytest.approx([1.05, 0.0, -3.8])
+
+
+def test_verdicts_on_parts_of_records_that_begin_at_rest_name_the_start() -> None:
+    model, noise = setid.TransferFunction(1, 1, 1, initial="zero"), setid.Noise(output=0.01)
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 40)
+    record = setid.simulate_record(model, [-0.9, 0.8], u, noise, seed=1).data
+    first, rest = record.split(20)
+    found = setid.identify(first, model, noise, (), setid.Options(progress=False))
+    assert "initial='free'" in setid.compare(found, rest).summary()
+    assert "initial='free'" not in setid.compare(found).summary()
+    free = setid.TransferFunction(1, 1, 1)
+    found = setid.identify(first, free, noise, (), setid.Options(progress=False))
+    assert "falsified" not in setid.compare(found, rest).summary()

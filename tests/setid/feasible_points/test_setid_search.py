@@ -103,6 +103,18 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     assert all(problem.violation(point.x) < 1e-9 for point in found)
 
 
+def test_rows_of_zeros_alone_hold() -> None:
+    """At rest the first row of an exact output says 0 = 0."""
+    model = setid.PolynomialNARX(["y1", "u1", "u1^3"], ny=1, nu=1, initial="zero")
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 20)
+    noise = setid.Noise(input=0.05)
+    truth = setid.simulate_record(model, [0.3, 0.8, -0.2], u, noise, seed=1)
+    formulation = setid.formulate(truth.data, model, noise)
+    assert any(not row.polynomial.coefficients.size for row in formulation.problem.constraints)
+    found = setid.least_noise(formulation, np.array([0.3, 0.8, -0.2]))
+    assert found.level <= 1.0 + 1e-9
+
+
 def test_boxes_that_differ_by_rounding_keep_their_proofs() -> None:
     """Samples known to 1e-7 leave boxes of which a few units in the last place are much."""
     truth, noise = record("wiener 1", 20)

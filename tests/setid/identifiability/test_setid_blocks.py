@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -402,6 +403,103 @@ class TestBands:
         texts = [t.get_text() for t in plot_diagram(result.formulation.model, result).texts]
         assert any("gamma2 in [" in text for text in texts)
         assert any("gamma1 = 1" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("hammerstein", "rows with products of parameters"), ("wiener", r"internal signals \(z\)")],
+)
+def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
+    name: str, what: str
+) -> None:
+    model, _, priors = CASES[name]
+    truth = simulated(name, 0.01, 15)
+    options = setid.Options(time_limit=3.0, progress=False)
+    result = setid.identify(truth.data, model, noise_of(truth), priors, options)
+    for asked in (setid.predict, setid.residuals, setid.step_band, setid.projection_estimate):
+        with pytest.raises(setid.SetidError, match=f"{what} have no") as caught:
+            asked(result)
+        assert "common" not in str(caught.value)
+    with pytest.raises(setid.ModelError, match=f"{what} are not linear .* errors='output' takes"):
+        setid.least_squares(truth.data, model)
+
+
+def test_wrong_arguments_are_named() -> None:
+    from setid.plots.blocks import plot_diagram
+
+    model, u = CASES["hammerstein"][0], np.random.default_rng(1).uniform(-1, 1, 12)
+    truth = setid.simulate_record(ONE, [-0.5, 0.8], u, setid.Noise(output=0.01))
+    options = setid.Options(time_limit=3.0, progress=False)
+    linear = setid.identify(truth.data, ONE, setid.Noise(equation=0.1), (), options)
+    truth = simulated("hammerstein", 0.01, 15)
+    result = setid.identify(truth.data, model, noise_of(truth), (), options)
+    wrong: list[tuple[Callable[[], object], str]] = [
+        (lambda: setid.convert(ONE, [1.0, 2.0], "b1"), "model: found TransferFunction"),
+        (lambda: setid.equivalent(ONE, [1.0, 2.0], [1.0, 2.0]), "model: found TransferFunction"),
+        (lambda: setid.convert(model, [1.0], "b1"), "theta: found shape"),
+        (lambda: setid.equivalent(model, [-0.7, 0.8, 0.4, 0.3], [1.0]), "theta: found shape"),
+        (lambda: setid.BlockStructured("abc", {}), "linear: found str, expected a mapping"),
+        (lambda: setid.BlockStructured({("y1", "u1"): ONE}, 3), "nonlinear: found int"),
+        (lambda: StaticMap(3, 2), "StaticMap.arguments: found int, expected names"),
+        (lambda: setid.discretisation_error(model, [1.0], u), "model: found Hammerstein"),
+        (lambda: plot_diagram(ONE), "model: found TransferFunction, expected a block structure"),
+        (lambda: setid.static_band(result, x=[np.nan]), r"x: found NaN at \[0\]"),
+        (lambda: setid.static_band(result, x=[1.0], seconds="a"), "seconds: found 'a'"),
+        (lambda: setid.static_band(result, x=[1.0], seconds=-1.0), "seconds: found -1.0"),
+        (lambda: setid.frequency_band(linear, executor=4), "executor: found 4"),
+        (lambda: setid.sensitivity(linear, [1.0], executor="x"), "executor: found 'x'"),
+    ]
+    given, other = (truth.data, model, noise_of(truth)), sp.Options()
+    gain = setid.Physical({"K": (0.1, 9.0)}, ["b1 = K*(1 + a1)"])
+    continuous = setid.ContinuousTransferFunction(1, 0)
+    for asked in (
+        lambda: setid.identify(*given, (), other),
+        lambda: setid.consistency(*given, (), other),
+        lambda: setid.fit(*given[:2], options=other),
+        lambda: setid.select(truth.data, setid.TransferFunction, given[2], [1], options=other),
+        lambda: setid.sensitivity(linear, [1.0], other),
+        lambda: setid.reparametrise(linear, gain, other),
+        lambda: setid.estimate_delta(truth.data, continuous, given[2], options=other),
+    ):
+        wrong.append((asked, "options: found Options, expected"))
+    for call, message in wrong:
+        with pytest.raises(setid.SetidError, match=message):
+            call()
+
+
+def test_samples_of_internal_signals_are_not_bounded_when_time_is_over() -> None:
+    from setid.proofs.cells.output_cells import cell_box
+
+    truth = simulated("wiener", 0.01)
+    known = setid.formulate(truth.data, CASES["wiener"][0], noise_of(truth), [setid.Stable()])
+    p, begin = len(known.parameters), time.monotonic()
+    start = np.array([known.problem.lower[:p], known.problem.upper[:p]])
+    whole, late = cell_box(known, start, rounds=3), cell_box(known, start, until=begin)
+    assert np.all(np.isfinite([whole.low, whole.high])) and whole.verify(known, start)
+    assert np.all(late.low == -np.inf) and np.all(late.high == np.inf)
+    assert late.verify(known, start)
+    assert not replace(late, low=whole.high).verify(known, start)
+    few = replace(whole, low=late.low, high=late.high)  # of the parameters alone
+    assert few.verify(known, start)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+def test_exact_samples_among_noisy_ones_have_finite_weights(unit: float) -> None:
+    rng = np.random.default_rng(229)
+    u = rng.uniform(-1, 1, 20)
+    model = setid.BlockStructured(
+        {("z", "u1"): G(1, 1, 1), ("y1", "w"): G(1, 1, 1)},
+        {"w": setid.StaticMap("z", 2)},
+        normalise=["b[z,u1]1", "gamma1"],
+        initial="zero",
+    )
+    theta = [0.8, 0.5, 0.6 * unit, 0.9]
+    y = setid.simulate(model, theta, u) * (1 + 1e-4 * rng.uniform(-1, 1, (20, 1)))
+    noise = setid.Noise(output=1.1e-4, relative=True)  # the first readings are zero, and exact
+    formulation = setid.formulate(setid.IOData(u, y), model, noise, [setid.Stable()])
+    box = box_of(formulation)
+    assert np.all((box.lower <= theta) & (theta <= box.upper))
+    assert np.all(box.upper - box.lower < [0.1, 0.1, 0.1 * unit, 0.1])
 
 
 def test_basis_functions_that_return_no_numbers_are_named() -> None:

@@ -15,8 +15,9 @@ from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.simulated.outputs import half_spaces, recursion_of
-from setid.proofs.simulated.tree import Step, TreeNode, parted, tightened
+from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode, parted, tightened
 from setid.result.json_parts import read, write
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 
 NORMS = ["b[z,u1]1", "gamma1"]
 TRUTH = (-0.4, -0.5, 0.8, 0.3)
@@ -533,6 +534,29 @@ def test_missing_readings_are_left_out() -> None:
     assert found.verify()
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert value in item and item.inner is not None
+
+
+def test_boxes_from_products_may_come_before_simulations() -> None:
+    shape, wave = setid.TransferFunction(1, 1, 1), np.random.default_rng(3)
+    model = setid.BlockStructured(
+        {("y1", "w"): shape, ("y1", "u2"): shape},
+        {"w": setid.StaticMap("u1", 2)},
+        inputs=2,
+        normalise="gamma1",
+        initial="zero",
+        form="partial",
+    )
+    theta, noise = [-0.5, 0.3, 0.8, 0.6, 0.4], setid.Noise(output=0.05)
+    truth = setid.simulate_record(model, theta, wave.uniform(-1, 1, (250, 2)), noise, seed=1)
+    options = setid.Options(time_limit=5, progress=False)
+    found = setid.identify(truth.data, model, noise, setid.Stable(), options)
+    assert isinstance(found.box, SimulatedBox) and isinstance(found.box.first, LiftedBox)
+    ends = [item.outer for item in found.intervals.values()]
+    assert all(low <= value <= high for (low, high), value in zip(ends, theta, strict=True))
+    assert setid.Identification.from_json(found.to_json()).verify()
+    start, first = start_of(found.formulation), found.box.first
+    for other in (None, replace(first, upper=first.upper - 0.01)):
+        assert not forged(found.box, first=other).verify(found.formulation, start)
 
 
 def test_records_of_other_systems_are_proved_empty() -> None:

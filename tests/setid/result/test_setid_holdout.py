@@ -44,6 +44,27 @@ def long() -> setid.Identification:
     return setid.identify(record(noise, 20), MODEL, noise, setid.Stable(), FAST, holdout=loud)
 
 
+STRUCTURES = {
+    "transfer function": (setid.TransferFunction(1, 1, 1, initial="zero"), [-0.9, 0.8]),
+    "polynomial": (setid.PolynomialNARX(["y1", "u1"], 1, 1, initial="zero"), [0.9, 0.8]),
+    "Hammerstein": (setid.Hammerstein(MODEL, 2, "gamma1", initial="zero"), [-0.9, 0.8, 0.3]),
+}
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_parts_that_are_held_out_do_not_begin_at_rest(name: str) -> None:
+    model, theta = STRUCTURES[name]
+    noise, u = setid.Noise(output=0.01), np.random.default_rng(0).uniform(-1.0, 1.0, 40)
+    data = setid.simulate_record(model, theta, u, noise, seed=1).data
+    found = setid.identify(data, model, noise, (), FAST, holdout=0.5)
+    assert found.holdout is not None and found.holdout.scale[0] <= 1.0
+    assert found.holdout.holds is not False and found.verify(), found.holdout.text
+    back = setid.Identification.from_json(found.to_json()).holdout
+    assert back is not None and back.scale == found.holdout.scale
+    if name == "polynomial":
+        assert setid.Recursive(model, noise).model.initial == "free"
+
+
 def one_a_sample() -> setid.Identification:
     bounds = setid.Noise(equation=np.where(np.arange(40) < 20, 0.05, 0.1))
     return setid.identify(record(setid.Noise(equation=0.05)), MODEL, bounds, (), FAST, holdout=0.5)

@@ -1,0 +1,71 @@
+"""Boxes of the parameters that follow from rows of the data, without simulations or cells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+from setid.formulation.regression import Regression
+from setid.formulation.units import coupled_rows
+from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
+
+__all__ = ["RowBox", "product_rows", "rows_prove"]
+
+RowBox = ParameterBox | DirectionBox | LiftedBox
+
+
+def rows_prove(box: RowBox, formulation: Formulation, start: NDArray[np.float64]) -> bool:
+    """Check a box against the rows of the data, without any solver.
+
+    Parameters
+    ----------
+    box : ParameterBox, DirectionBox or LiftedBox
+    formulation : Formulation
+    start : (2, p) float
+        The bounds of the parameters that priors give.
+    """
+    if isinstance(box, LiftedBox):
+        products = product_rows(formulation)
+        return products is not None and box.verify(products, start, coupled_rows(formulation))
+    rows = formulation.smoothed
+    if rows is None:
+        return False
+    if isinstance(box, DirectionBox):
+        return box.verify(rows, coupled_rows(formulation), start)
+    return box.verify(rows, start)
+
+
+def product_rows(formulation: Formulation) -> ProductRows | None:
+    """State the rows of the data in products of parameters.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Returns
+    -------
+    ProductRows or None
+        With rows that know their samples. None where an unknown other than theta has no finite
+        bounds, or no row is left.
+    """
+    if formulation.products is not None:
+        return formulation.products
+    found = lifted_rows(coupled_rows(formulation), formulation.parameters)
+    if found is None:
+        return None
+    rows, problem = formulation.rows, formulation.problem
+    kept = np.flatnonzero((rows.sample > 0) & problem.equality)
+    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
+    record, sample = rows.record[kept], rows.sample[kept]
+    where = formulation.data.starts[record - 1] + sample - 1
+    known = found.regression
+    fields = known.names, known.target, known.regressors, known.radius, known.radii
+    places = (frozen(np.array(array)) for array in (where, record, sample, channel))
+    return replace(found, regression=Regression(*fields, *places))
