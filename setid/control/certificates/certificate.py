@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
 from setid.control.certificates.characteristic import Characteristic
 from setid.control.certificates.refutation import unstable_plant
@@ -351,12 +352,12 @@ class Question:
         )
         return replace(answer, identification=result, seconds=time.monotonic() - begin)
 
-    def claim(self, factor: Transfer | None) -> Claim:
+    def claim(self, factor: Transfer | None, ceiling: Ceiling | None = None) -> Claim:
         """Find what holds cell by cell, F being the factor of small gain."""
         if self.method == "characteristic":
             return Characteristic(self.model, self.controller)
         assert factor is not None
-        return SmallGain(self.model, factor, self.reference, self.integrators, self.margin)
+        return SmallGain(self.model, factor, self.reference, self.integrators, self.margin, ceiling)
 
     def _prove(self, claim: Claim, until: float) -> tuple[ParameterSet | None, Outcome]:
         """Prove a claim over the set from sums of rows alone: whole, then cell by cell."""

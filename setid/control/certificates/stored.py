@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import prove_over_cells
 from setid.control.certificates.certificate import Condition, Question, StabilityCertificate
 from setid.control.certificates.refutation import proves_instability
@@ -46,6 +47,7 @@ _PARTS: tuple[str, ...] = (
 )
 _PARTS += ("reason", "assumptions", "help", "cells", "seconds")
 _SYSTEMS = ("controller", "reference", "plant")
+_NARROW = 1e-9  # rad: no arc of a proof is as narrow
 _MORE_CELLS = 4  # times the cells of the first proof, and a few, before a check gives up
 
 
@@ -146,7 +148,11 @@ def _certified(answer: StabilityCertificate, question: Question) -> Verification
             return verdict
         found = question.narrowed(found, answer.identification)
     most = _MORE_CELLS * answer.cells + 16
-    outcome = prove_over_cells(found, question.claim(factor), inf, most)
+    ceiling = Ceiling.of(answer.arcs)
+    whole = all(low + _NARROW < high for low, high, _ in answer.arcs)
+    if answer.method == "small_gain" and not (whole and np.min(ceiling.values) > -inf):
+        return Verification(False, "the stored bounds of abs(Delta) do not cover all frequencies")
+    outcome = prove_over_cells(found, question.claim(factor, ceiling), inf, most)
     if not outcome.proved:
         return Verification(False, "the proof over all consistent plants fails")
     return _below(answer, outcome.arcs)
@@ -184,19 +190,11 @@ def _below(
     if answer.method == "characteristic":
         ok = isnan(answer.bound) and not answer.arcs
         return Verification(ok, "" if ok else "the method proves no bound of abs(Delta)")
-    ends = np.unique([end for low, high, _ in (*arcs, *answer.arcs) for end in (low, high)])
-    middles = ends[:-1] / 2 + ends[1:] / 2
-    new, old = (_largest(middles, parts) for parts in (arcs, answer.arcs))
-    if np.any(new > old) or not np.max(new, initial=0.0) <= answer.bound:
+    stored = Ceiling.of(answer.arcs)
+    above = any(b > stored.over(low, high) for low, high, b in arcs)
+    if above or not max((b for *_, b in arcs), default=0.0) <= answer.bound:
         return Verification(False, "a stored bound of abs(Delta) is below what is proved")
     return Verification(True)
-
-
-def _largest(at: Any, arcs: tuple[tuple[float, float, float], ...]) -> Any:
-    """Largest bound of the arcs that contain each frequency."""
-    table = np.reshape(np.array(arcs, float), (-1, 3))
-    inside = (table[:, 0] <= at[:, None]) & (at[:, None] <= table[:, 1])
-    return np.where(inside, table[:, 2], -inf).max(axis=1, initial=-inf)
 
 
 # ---- text -------------------------------------------------------------------------------

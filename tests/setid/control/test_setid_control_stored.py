@@ -11,6 +11,8 @@ import pytest
 
 import setid
 from setid import control
+from setid.control.certificates import stored
+from setid.control.certificates.arcs import ratio_on_arcs
 from setid.control.certificates.certificate import Question
 from setid.control.parameters.parameter_set import identified
 
@@ -35,6 +37,24 @@ def test_round_trip(method: str) -> None:
     assert (again.verdict, again.method, again.arcs) == ("certified", method, answer.arcs)
     assert again.controller.numerator == answer.controller.numerator
     assert again.to_json() == answer.to_json()
+
+
+def test_bounds_on_other_arcs_than_those_of_a_new_proof_are_proved_again() -> None:
+    """A proof under a short time limit ends with other arcs than one without a clock."""
+    answer = certificate("small_gain")
+    question = stored._question(answer)
+    claim = question.claim(question.exact_conditions()[1])
+    found = question.known()
+    top, below, _ = claim.families()
+    fine = [(w, 0.5 * np.pi / 96) for w in (np.arange(96) + 0.5) * np.pi / 96]
+    arcs = ratio_on_arcs(found, top, below, found.centre, 0.0, fine)
+    stated = tuple((low, high, bound * (1 + 1e-9)) for low, high, bound in arcs)
+    tight = replace(answer, arcs=stated, bound=max(b for *_, b in stated))
+    assert tight.verify() and control.StabilityCertificate.from_json(tight.to_json())
+    low = tuple((a, b, 0.8 * bound) for a, b, bound in stated)
+    assert not replace(tight, arcs=low).verify()
+    assert not replace(tight, arcs=stated[1:]).verify()
+    assert not replace(tight, arcs=(*stated[1:], (0.0, 1e-12, 1.0))).verify()
 
 
 def test_a_refutation_goes_round_and_its_plant_is_checked() -> None:
