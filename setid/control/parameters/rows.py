@@ -47,6 +47,16 @@ class NoisyRows:
     slopes: tuple[sps.csr_array, ...]
     bound: Reals
 
+    @property
+    def largest(self) -> float:
+        """Largest bound of a noise sample; 1 without noise."""
+        return float(self.bound.max(initial=0.0)) or 1.0
+
+    @property
+    def relative(self) -> Reals:
+        """Bounds (M,) as fractions of the largest: weights of fits, whose squares are doubles."""
+        return np.asarray(self.bound / self.largest, np.float64)
+
     def shape_of_noise(self, x: Reals) -> sps.csr_array:
         """Coefficients (R, M) of the noise samples at x (q,)."""
         total = self.noise
