@@ -90,6 +90,8 @@ def noisy_rows(
     u, y = data.u.ravel(), data.y.ravel()
     eta, xi, e = (bound.ravel() for bound in noise.bounds(data))
     lag = max(na, nk + nb - 1)
+    if lag >= data.samples:
+        raise DataError(f"data: found {data.samples} samples, expected more than {lag} in a record")
     begins = np.repeat(data.starts, np.diff(np.append(data.starts, data.samples)))
     first = begins + (0 if model.initial == "zero" else lag)
     rows = np.flatnonzero(np.arange(data.samples) >= first)
