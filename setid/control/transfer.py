@@ -139,7 +139,7 @@ class Transfer:
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response (F,) at ``omega`` (F,), rad per unit of time (computed)."""
-        step = np.exp(-1j * np.asarray(omega, float) * self.Ts)
+        step = np.exp(-1j * real_array(omega, "omega", SetidError) * self.Ts)
         top = np.polynomial.polynomial.polyval(step, self.num)
         below = np.polynomial.polynomial.polyval(step, self.den)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -225,6 +225,8 @@ class Transfer:
         float
             The remainder D(1) that was dropped; 0 where nothing was.
         """
+        if not 0.0 <= number(tolerance, "tolerance", ModelError) < 1.0:
+            raise ModelError(f"tolerance: found {tolerance!r}, expected a fraction in [0, 1)")
         rest = sum(self.denominator, Fraction(0))
         size = sum(abs(c) for c in self.denominator)
         if rest == 0 or abs(rest) > Fraction(tolerance) * size or len(self.denominator) < 2:
