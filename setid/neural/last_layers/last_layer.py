@@ -35,7 +35,7 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping, natural
+from setid.data.checks import FrozenMapping, natural, number
 from setid.neural.arithmetic import Interval, down, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
@@ -321,7 +321,7 @@ def last_layer(
 
 
 def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise, str]:
-    if not factor > 1.0:
+    if not 1.0 < number(factor, "factor", NoiseError) < np.inf:
         raise NoiseError(f"factor: found {factor!r}, expected a number above 1")
     parts = _rows(net, data, Noise(equation=1.0))
     least = np.array([max(least_factor(p)[0], 1e-12 * np.max(np.abs(p.target))) for p in parts])
