@@ -6,12 +6,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.control.engine import ModelError, TransferFunction, entries_of, natural, number
+from setid.control.engine import (
+    ModelError,
+    TransferFunction,
+    entries_of,
+    natural,
+    number,
+    switch,
+)
 from setid.control.transfer import Exact, Transfer, times
 
 __all__ = ["LTI", "PID", "Controller", "Fixed", "Polynomials"]
@@ -92,6 +100,7 @@ class LTI(Controller):
     most: int = 8
 
     def __post_init__(self) -> None:
+        switch(self.integrator, "LTI.integrator", ModelError)
         if self.order is not None:
             natural(self.order, "LTI.order", ModelError, 1 if self.integrator else 0)
         natural(self.most, "LTI.most", ModelError, 1)
@@ -137,7 +146,8 @@ class PID(Controller):
     filter: float = 0.0
 
     def __post_init__(self) -> None:
-        if not number(self.filter, "PID.filter", ModelError) >= 0.0:
+        switch(self.derivative, "PID.derivative", ModelError)
+        if not 0.0 <= number(self.filter, "PID.filter", ModelError) < inf:
             raise ModelError(f"PID.filter: found {self.filter!r}, expected a time >= 0")
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
@@ -189,6 +199,7 @@ class Polynomials(Controller):
         parts = [entries_of(row, "numerators", "lists of coefficients", ModelError) for row in rows]
         below = entries_of(self.denominator, "denominator", "coefficients", ModelError)
         object.__setattr__(self, "numerators", tuple(tuple(row) for row in parts))
+        Transfer([1], below)  # names a leading 0, and what is no number
         object.__setattr__(self, "denominator", tuple(below))
         self.fixed(1.0)
 

@@ -17,7 +17,7 @@ from setid.data.checks import (
 )
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError
 from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation, formulate
 from setid.identify import identify
@@ -48,6 +48,7 @@ __all__ = [
     "Options",
     "ParameterInterval",
     "Prior",
+    "PriorError",
     "SetidError",
     "Stable",
     "TransferFunction",

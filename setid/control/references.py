@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from setid.control.engine import ModelError, SetidError, frozen, natural, number, real_array
+from setid.control.engine import (
+    ModelError,
+    SetidError,
+    entries_of,
+    frozen,
+    natural,
+    number,
+    real_array,
+)
 from setid.control.transfer import Transfer, as_transfer, is_schur, simulate_exactly, times
 
 __all__ = ["Matching", "check_matching", "ideal_controller", "reference_model", "target_signal"]
@@ -173,6 +181,7 @@ def check_matching(P: Any, K: Any, M: Any, samples: int = 100) -> Matching:
     >>> found.stable, round(found.gain_error, 9), round(found.fit, 6)
     (True, 0.0, 100.0)
     """
+    natural(samples, "samples", SetidError, 1)
     plant = as_transfer(P, None, "P")
     controller, reference = as_transfer(K, plant.Ts, "K"), as_transfer(M, plant.Ts, "M")
     loop = closed_loop(controller, plant)
@@ -280,6 +289,8 @@ def reference_model(
     for field, value in limits.items():
         if value is not None and not 0 < number(value, field, ModelError) < float("inf"):
             raise ModelError(f"{field}: found {value!r}, expected a positive time")
+    if not 0.0 < number(Ts, "Ts", ModelError) < float("inf"):
+        raise ModelError(f"Ts: found {Ts!r}, expected a positive number")
     share = number(overshoot, "overshoot", ModelError)
     if not 0.0 <= share < 1.0:
         raise ModelError(f"overshoot: found {overshoot!r}, expected a fraction in [0, 1)")
@@ -327,9 +338,29 @@ def _normalised_times(damping: float) -> tuple[float, float]:
     return ends[1] - ends[0], float(grid[outside[-1] + 1])
 
 
+def complex_numbers(given: Any, field: str) -> list[complex]:
+    """Finite complex numbers, or one of them, as a list; text and others raise."""
+    single = isinstance(given, (complex, float, int, np.number)) and not isinstance(given, bool)
+    found = []
+    for place, value in enumerate([given] if single else entries_of(
+        given, field, "complex numbers", ModelError
+    )):  # fmt: skip
+        known = isinstance(value, (complex, float, int, np.number)) and not isinstance(value, bool)
+        try:
+            number_ = complex(value) if known else complex("nan")
+        except OverflowError:
+            number_ = complex("nan")
+        if not np.isfinite(number_):
+            raise ModelError(
+                f"{field}[{place}]: found {value!r:.60}, expected a finite complex number"
+            )
+        found.append(number_)
+    return found
+
+
 def with_zeros(M: Transfer, delay: int, zeros: ArrayLike) -> Transfer:
     """M with more delay and with given zeros, static gain kept."""
-    given = np.atleast_1d(np.asarray(zeros, complex))
+    given = np.array(complex_numbers(zeros, "zeros"))
     polynomial = np.poly(given) if given.size else np.ones(1)
     if np.abs(np.imag(polynomial)).max() > 1e-9 * np.abs(polynomial).max():
         raise ModelError(f"zeros: found {given.tolist()}, expected complex ones in pairs")

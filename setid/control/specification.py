@@ -21,7 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.control.engine import ModelError, SetidError, natural, number, python_control
+from setid.control.engine import (
+    ModelError,
+    SetidError,
+    entries_of,
+    natural,
+    number,
+    python_control,
+)
+from setid.control.references import complex_numbers
 from setid.control.transfer import Transfer
 
 __all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
@@ -83,6 +91,13 @@ class Specification:
             raise ModelError(f"overshoot: found {self.overshoot!r}, expected a fraction in (0, 1)")
         if self.rise is None and self.settling is None and self.disturbance is None:
             raise ModelError("rise, settling, disturbance: found none, expected one of them")
+        for field in ("rise", "settling"):
+            value = getattr(self, field)
+            if value is not None and not 0.0 < number(value, field, ModelError) < inf:
+                raise ModelError(f"{field}: found {value!r}, expected a positive time")
+        for field in ("disturbance", "sensor_noise"):
+            _check_limit(getattr(self, field), field)
+        object.__setattr__(self, "zeros", tuple(complex_numbers(self.zeros, "zeros")))
         if any(abs(z) <= 1.0 for z in self.zeros):
             raise ModelError(f"zeros: found {list(self.zeros)}, expected abs(z) > 1 for all")
 
@@ -104,6 +119,15 @@ class Specification:
         """Damping ratio of a second-order response with the overshoot."""
         size = -log(self.overshoot)
         return size / sqrt(pi**2 + size**2)
+
+
+def _check_limit(given: Any, field: str) -> None:
+    """Refuse what is no limit (omega, gain) of a gain."""
+    if given is None:
+        return
+    parts = entries_of(given, field, "(omega, gain)", ModelError)
+    if len(parts) != 2 or not all(0.0 < number(v, field, ModelError) < inf for v in parts):
+        raise ModelError(f"{field}: found {given!r:.60}, expected (omega, gain), both positive")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,7 @@ __all__ = ["Exact", "Transfer", "as_transfer", "is_schur", "simulate_exactly", "
 
 Exact = tuple[Fraction, ...]
 _BITS = 240  # of the fixed-point numbers that simulations are carried out in
+_LARGEST = Fraction(np.finfo(float).max)
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
@@ -77,8 +78,11 @@ class Transfer:
         if not 0 < step < float("inf"):
             raise ModelError(f"Ts: found {Ts!r}, expected a positive number")
         lead = below[0]
-        object.__setattr__(self, "numerator", _trimmed(tuple(c / lead for c in top)))
-        object.__setattr__(self, "denominator", _trimmed(tuple(c / lead for c in below)))
+        for name, polynomial in (("numerator", top), ("denominator", below)):
+            found = _trimmed(tuple(c / lead for c in polynomial))
+            if max(map(abs, found)) > _LARGEST:
+                raise ModelError(f"{name}: found a coefficient beyond all doubles, expected less")
+            object.__setattr__(self, name, found)
         object.__setattr__(self, "Ts", step)
 
     # ---- numbers ------------------------------------------------------------------------
@@ -135,7 +139,7 @@ class Transfer:
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response (F,) at ``omega`` (F,), rad per unit of time (computed)."""
-        step = np.exp(-1j * np.asarray(omega, float) * self.Ts)
+        step = np.exp(-1j * real_array(omega, "omega", SetidError) * self.Ts)
         top = np.polynomial.polynomial.polyval(step, self.num)
         below = np.polynomial.polynomial.polyval(step, self.den)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -221,6 +225,8 @@ class Transfer:
         float
             The remainder D(1) that was dropped; 0 where nothing was.
         """
+        if not 0.0 <= number(tolerance, "tolerance", ModelError) < 1.0:
+            raise ModelError(f"tolerance: found {tolerance!r}, expected a fraction in [0, 1)")
         rest = sum(self.denominator, Fraction(0))
         size = sum(abs(c) for c in self.denominator)
         if rest == 0 or abs(rest) > Fraction(tolerance) * size or len(self.denominator) < 2:
@@ -286,7 +292,7 @@ def _converted(given: Any, Ts: float | None, field: str) -> Transfer:
     if isinstance(given, (tuple, list)) and len(given) == 2:
         return Transfer(given[0], given[1], step)
     if isinstance(given, (int, float, Fraction, np.number)) and not isinstance(given, bool):
-        return Transfer([given if isinstance(given, Fraction) else float(given)], [1], step)
+        return Transfer([given if isinstance(given, (int, Fraction)) else float(given)], [1], step)
     raise ModelError(
         f"{field}: found {type(given).__name__}, expected a Transfer, (numerator, denominator) in "
         "powers of q^-1, or a discrete model of python-control"

@@ -177,6 +177,8 @@ class Noise:
             texts = dict.fromkeys([*self.assumptions, delta.assumption])
             object.__setattr__(found, "assumptions", tuple(texts))
             delta = float(delta.value.max())
+        if not 0.0 <= number(delta, "delta", NoiseError) < np.inf:
+            raise NoiseError(f"delta: found {delta!r}, expected a number >= 0")
         object.__setattr__(found, "model_error", float(delta))
         return found
 

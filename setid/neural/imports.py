@@ -8,14 +8,19 @@ its name. The models are those of the imported numbers: sums of two biases are r
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import pickle
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import permutations
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
+from setid.data.checks import entries_of, natural, real_array
 from setid.neural.models.network import Network
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.training.shooting import optional
@@ -25,6 +30,7 @@ __all__ = ["from_arrays", "from_equinox", "from_jax_sysid", "from_onnx", "from_t
 Reals = NDArray[np.float64]
 Path = str | os.PathLike[str]
 Imported = Network | Elman | LSTM | GRU
+_LEAK = 0.01  # slope of leaky ReLU where nothing is said
 _TORCH = {"Tanh": "tanh", "Sigmoid": "sigmoid", "ReLU": "relu", "LeakyReLU": "leaky_relu",
           "Identity": "identity"}  # fmt: skip
 _ONNX = {"Tanh": "tanh", "Sigmoid": "sigmoid", "Relu": "relu", "LeakyRelu": "leaky_relu"}
@@ -60,21 +66,42 @@ def from_arrays(
     5
     """
     if isinstance(weights, (str, os.PathLike)):
-        with np.load(weights, allow_pickle=False) as file:
-            count = sum(name.startswith("W") for name in file.files)
-            for name in (f"{letter}{i + 1}" for i in range(count) for letter in "Wb"):
-                if name not in file.files:
-                    raise ModelError(f"{os.fspath(weights)}: found no array {name}, expected W1, "
-                                     "b1, W2, ...")  # fmt: skip
-            return Network(
-                [file[f"W{i + 1}"] for i in range(count)],
-                [file[f"b{i + 1}"] for i in range(count)],
-                activation,
-                leak,
-            )
+        with _reading(weights, "an .npz file"), open(weights, "rb") as stream:
+            file = np.load(stream, allow_pickle=False)
+            held = dict(file) if isinstance(file, Mapping) else {}
+        count = sum(name.startswith("W") for name in held)
+        for name in (f"{letter}{i + 1}" for i in range(max(count, 1)) for letter in "Wb"):
+            if name not in held:
+                raise ModelError(f"{os.fspath(weights)}: found no array {name}, expected W1, "
+                                 "b1, W2, ...")  # fmt: skip
+        return Network(
+            [held[f"W{i + 1}"] for i in range(count)],
+            [held[f"b{i + 1}"] for i in range(count)],
+            activation,
+            leak,
+        )
     if biases is None:
         raise ModelError("biases: found None, expected one array a layer")
     return Network(weights, biases, activation, leak)
+
+
+@contextmanager
+def _reading(path: Path, what: str, *others: type[Exception]) -> Iterator[None]:
+    """Name a file that cannot be read, and why."""
+    damaged: tuple[type[Exception], ...] = (
+        ValueError,
+        EOFError,
+        BadZipFile,
+        pickle.UnpicklingError,
+        zlib.error,
+        *others,
+    )
+    try:
+        yield
+    except OSError as error:
+        raise ModelError(f"{os.fspath(path)}: {error.strerror or error}, expected {what}") from None
+    except damaged as error:
+        raise ModelError(f"{os.fspath(path)}: {error!s:.300}, expected {what}") from None
 
 
 # ---- torch ----------------------------------------------------------------------------------
@@ -117,9 +144,10 @@ def from_torch(
     """
     if isinstance(source, (str, os.PathLike)):
         torch = optional("torch", "torch")
-        source = torch.load(source, map_location="cpu", weights_only=True)
+        with _reading(source, "a file of torch", RuntimeError):
+            source = torch.load(source, map_location="cpu", weights_only=True)
     if isinstance(source, Mapping):
-        return _from_state(_numbers(source), activation, 0.01, _linear(output))
+        return _from_state(_numbers(source), activation, _LEAK, _linear(output))
     kind = type(source).__name__
     if kind == "Linear":
         return Network([_array(source.weight)], [_bias(source)], "identity")
@@ -131,23 +159,23 @@ def from_torch(
     if getattr(source, "bidirectional", False) or getattr(source, "proj_size", 0):
         raise ModelError(f"source: found a bidirectional or projected {kind}, expected neither")
     name = getattr(source, "nonlinearity", "tanh")
-    return _from_state(_numbers(source.state_dict()), name, 0.01, _linear(output))
+    return _from_state(_numbers(source.state_dict()), name, _LEAK, _linear(output))
 
 
-def _array(tensor: Any) -> Reals:
+def _array(tensor: Any, field: str = "source") -> Reals:
     """A tensor of any library as doubles."""
     for step in ("detach", "cpu", "numpy"):
         tensor = getattr(tensor, step)() if hasattr(tensor, step) else tensor
-    return np.asarray(tensor, dtype=float)
+    return real_array(tensor, field, ModelError)
 
 
-def _numbers(state: Mapping[str, Any]) -> dict[str, Reals]:
-    return {str(key): _array(value) for key, value in state.items()}
+def _numbers(state: Mapping[str, Any], field: str = "source") -> dict[str, Reals]:
+    return {str(key): _array(value, f"{field}[{key!r}]") for key, value in state.items()}
 
 
 def _bias(layer: Any) -> Reals:
     weight = _array(layer.weight)
-    return np.zeros(len(weight)) if layer.bias is None else _array(layer.bias)
+    return np.zeros(weight.shape[:1]) if layer.bias is None else _array(layer.bias)
 
 
 def _linear(given: Any) -> Any:
@@ -155,7 +183,10 @@ def _linear(given: Any) -> Any:
     if given is None or isinstance(given, Network):
         return given
     if isinstance(given, Mapping):
-        state = _numbers(given)
+        state = _numbers(given, "output")
+        if "weight" not in state or not state["weight"].ndim:
+            raise ModelError(f"output: found arrays {', '.join(state) or 'none'}, expected weight "
+                             "and bias of a linear layer")  # fmt: skip
         return state["weight"], state.get("bias", np.zeros(len(state["weight"])))
     if hasattr(given, "weight"):
         return _array(given.weight), _bias(given)
@@ -166,7 +197,7 @@ def _from_sequence(modules: list[Any]) -> Network:
     weights: list[Reals] = []
     biases: list[Reals] = []
     names: list[str] = []
-    leak = 0.01
+    leaks: list[float] = []
     for place, module in enumerate(modules):
         kind = type(module).__name__
         if kind == "Linear":
@@ -175,11 +206,28 @@ def _from_sequence(modules: list[Any]) -> Network:
             names.append("identity")
         elif kind in _TORCH and weights and names[-1] == "identity":
             names[-1] = _TORCH[kind]
-            leak = float(getattr(module, "negative_slope", leak))
+            if kind == "LeakyReLU":
+                leaks.append(float(getattr(module, "negative_slope", _LEAK)))
         elif kind not in ("Identity", "Dropout"):
             raise ModelError(f"source[{place}]: found a torch module {kind}, expected Linear "
                              f"followed by one of {', '.join(_TORCH)}")  # fmt: skip
-    return Network(weights, biases, names, leak)
+    return Network(weights, biases, names, _one_slope(leaks))
+
+
+def _one_slope(leaks: list[float]) -> float:
+    """The slope of all leaky ReLUs of a network, which has one."""
+    if len(set(leaks)) > 1:
+        raise ModelError(f"source: found leaky ReLUs of the slopes {sorted(set(leaks))}, expected "
+                         "one slope")  # fmt: skip
+    return leaks[0] if leaks else _LEAK
+
+
+def _used(state: dict[str, Reals], names: set[str]) -> None:
+    """Refuse arrays that belong to no known layer: a network without them would be another one."""
+    rest = sorted(set(state) - names)
+    if rest:
+        raise ModelError(f"source: found {', '.join(rest):.200} beside known layers, expected the "
+                         "arrays of linear layers alone, or of RNN, LSTM or GRU alone")  # fmt: skip
 
 
 def _from_state(
@@ -192,34 +240,62 @@ def _from_state(
     if not keys or any(matrix.ndim != 2 for matrix in matrices):
         raise ModelError(f"source: found arrays {', '.join(state) or 'none'}, expected those of "
                          "linear layers or of RNN, LSTM or GRU")  # fmt: skip
+    _used(state, {f"{key}{part}" for key in keys for part in ("weight", "bias")})
     biases = [state.get(f"{key}bias", np.zeros(len(m)))
               for key, m in zip(keys, matrices, strict=True)]  # fmt: skip
     return Network(matrices, biases, activation, leak)
 
 
 def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
-    layers = sum(key.startswith("weight_ih_l") for key in state)
+    layers = next(i for i in range(len(state) + 1) if f"weight_ih_l{i}" not in state)
+    names = [f"{part}_{way}_l{i}" for i in range(layers) for part in ("weight", "bias")
+             for way in ("ih", "hh")]  # fmt: skip
+    _used(state, set(names))
     parts = []
     for i in range(layers):
+        for name in (f"weight_ih_l{i}", f"weight_hh_l{i}"):
+            if np.ndim(state.get(name, 0.0)) != 2 or not state[name].size:
+                raise ModelError(f"source: found no matrix {name}, expected one")
         fed, back = state[f"weight_ih_l{i}"], state[f"weight_hh_l{i}"]
         zero = np.zeros(len(fed))
         parts.append((fed, back, state.get(f"bias_ih_l{i}", zero),
                       state.get(f"bias_hh_l{i}", zero)))  # fmt: skip
     fed, back, inner, outer = parts[0]
-    width = back.shape[1]
-    count = len(back) // width
+    count = len(back) // back.shape[1]
     if count == 1:
-        name = activation if isinstance(activation, str) else activation[0]
-        return Elman([(w, v, a + b) for w, v, a, b in parts], output, name)
+        cells = [(w, v, _sum(a, b)) for w, v, a, b in parts]
+        return Elman(cells, output, _one_name(activation))
     if layers > 1:
         raise ModelError(f"source: found {layers} gated layers, expected one")
     return _gated(fed, back, inner, outer, count, output)
+
+
+def _sum(inner: Reals, outer: Reals) -> Reals:
+    """The bias of a recurrent layer, of which libraries keep two."""
+    if inner.shape != outer.shape:
+        raise ModelError(f"source: found biases of the shapes {inner.shape} and {outer.shape}, "
+                         "expected equal ones")  # fmt: skip
+    return inner + outer
+
+
+def _one_name(activation: str | Sequence[str]) -> str:
+    """The activation of all recurrent layers."""
+    listed = entries_of(activation, "activation", "a name", ModelError)
+    names = {activation} if isinstance(activation, str) else set(map(str, listed))
+    if len(names) != 1:
+        raise ModelError(f"activation: found {activation!r:.60}, expected one for all recurrent "
+                         "layers")  # fmt: skip
+    return str(names.pop())
 
 
 def _gated(
     fed: Reals, back: Reals, inner: Reals, outer: Reals, count: int, output: Any
 ) -> LSTM | GRU:
     """Gates of LSTM (i, f, g, o) or GRU (r, z, n) stacked as torch and equinox do."""
+    rows = [np.shape(a)[0] if np.ndim(a) else 0 for a in (fed, back, inner, outer)]
+    if len(set(rows)) > 1 or not rows[0] or rows[0] % count:
+        raise ModelError(f"source: found weights and biases with {rows} rows, expected equal "
+                         f"multiples of {count} gates")  # fmt: skip
     split = [np.split(a, count) for a in (fed, back, inner, outer)]
     gate = [(w, v, a + b) for w, v, a, b in zip(*split, strict=True)]
     if count == 4:
@@ -261,6 +337,11 @@ def from_equinox(
         Naming the module or the activation that is unknown.
     """
     kind = type(source).__name__
+    parts = {"Linear": ("weight", "bias"), "MLP": ("layers", "activation", "final_activation")}
+    missing = [name for name in parts.get(kind, ()) if not hasattr(source, name)]
+    if missing:
+        raise ModelError(f"source: found {kind} without {', '.join(missing)}, expected a module of "
+                         "equinox")  # fmt: skip
     if kind == "Linear":
         return Network([_array(source.weight)], [_bias(source)], "identity")
     if kind == "MLP":
@@ -326,8 +407,11 @@ def from_jax_sysid(
     if missing:
         raise ModelError(f"source: found {type(source).__name__} without {', '.join(missing)}, "
                          "expected a model of jax-sysid")  # fmt: skip
-    params = [_array(p) for p in source.params]
-    nx, nu, ny = int(source.nx), int(source.nu), int(source.ny)
+    listed = entries_of(source.params, "source.params", "a list of arrays", ModelError)
+    params = [_array(p, f"source.params[{i}]") for i, p in enumerate(listed)]
+    nx, nu, ny = (
+        natural(getattr(source, n), f"source.{n}", ModelError) for n in ("nx", "nu", "ny")
+    )
     if getattr(source, "isLinear", False):
         return _linear_model(params, nx, nu, ny, bool(source.y_in_x))
     split = getattr(source, "nthx", None)
@@ -342,9 +426,13 @@ def from_jax_sysid(
 
 
 def _linear_model(params: list[Reals], nx: int, nu: int, ny: int, shown: bool) -> NeuralStateSpace:
-    a, b = params[0], params[1]
-    c = np.eye(ny, nx) if shown or len(params) < 3 else params[2]
-    d = params[3] if len(params) > 3 else np.zeros((ny, nu))
+    usual = [np.zeros((nx, nx)), np.zeros((nx, nu)), np.eye(ny, nx), np.zeros((ny, nu))]
+    given = [*params, *usual[len(params) :]] if 2 <= len(params) <= 4 else []
+    if [p.shape for p in given] != [p.shape for p in usual]:
+        raise ModelError(f"source.params: found the shapes {[p.shape for p in params]}, expected "
+                         f"A, B, C and D of {nx} states, {nu} inputs and {ny} outputs")  # fmt: skip
+    a, b, c, d = given
+    c = usual[2] if shown else c
     return NeuralStateSpace(
         Network([np.hstack([b, a])], [np.zeros(nx)]), Network([np.hstack([d, c])], [np.zeros(ny)])
     )
@@ -364,7 +452,7 @@ def _flax(
     count = len(kernels)
     fits = [
         choice
-        for choice in ([tuple(order)] if order is not None else permutations(range(count)))
+        for choice in (permutations(range(count)) if order is None else [_order(order)])
         if sorted(choice) == list(range(count))
         and [nx + nu, *(kernels[i].shape[1] for i in choice)]
         == [*(kernels[i].shape[0] for i in choice), ends]
@@ -378,6 +466,10 @@ def _flax(
     weights = [kernels[i].T for i in fits[0]]
     weights[0] = np.hstack([weights[0][:, nx:], weights[0][:, :nx]])
     return Network(weights, [biases[i] for i in fits[0]], activation)
+
+
+def _order(given: Any) -> tuple[Any, ...]:
+    return tuple(entries_of(given, "order", "numbers of layers", ModelError))
 
 
 # ---- ONNX -----------------------------------------------------------------------------------
@@ -401,17 +493,19 @@ def from_onnx(path: Path) -> Network:
     ImportError
         If onnx is not installed.
     """
-    onnx = optional("onnx", "onnx")
-    graph = onnx.load(os.fspath(path), load_external_data=False).graph
+    onnx, graph = _graph(path)
     numbers = {item.name: _tensor(onnx, item) for item in graph.initializer}
     weights: list[Reals] = []
     biases: list[Reals] = []
     names: list[str] = []
-    leak, flow = 0.01, graph.input[0].name
+    leaks: list[float] = []
+    flow = graph.input[0].name
     for place, node in enumerate(graph.node):
         label = f"node {place + 1} ({node.name or node.op_type})"
-        if flow not in node.input:
-            raise ModelError(f"{label}: found a branch, expected a chain of layers")
+        unknown = [name for name in node.input if name and name not in numbers]
+        if unknown != [flow]:
+            raise ModelError(f"{label}: found the inputs {', '.join(unknown) or 'none'}, expected "
+                             f"{flow} and constants: a chain of layers")  # fmt: skip
         given = [numbers[name] for name in node.input if name in numbers]
         attributes = {a.name: onnx.helper.get_attribute_value(a) for a in node.attribute}
         if node.op_type in ("Gemm", "MatMul"):
@@ -423,12 +517,31 @@ def from_onnx(path: Path) -> Network:
             biases[-1] = biases[-1] + given[0].ravel()
         elif node.op_type in _ONNX and weights and names[-1] == "identity":
             names[-1] = _ONNX[node.op_type]
-            leak = float(attributes.get("alpha", leak))
+            if node.op_type == "LeakyRelu":
+                leaks.append(float(attributes.get("alpha", _LEAK)))
         elif node.op_type != "Identity":
             raise ModelError(f"{label}: found the ONNX operator {node.op_type}, expected Gemm, "
                              f"MatMul, Add, {', '.join(_ONNX)}")  # fmt: skip
         flow = node.output[0]
-    return Network(weights, biases, names, leak)
+    shown = [item.name for item in graph.output]
+    if shown != [flow]:
+        raise ModelError(f"output: found {', '.join(shown) or 'none'}, expected {flow}, the end of "
+                         "the chain")  # fmt: skip
+    return Network(weights, biases, names, _one_slope(leaks))
+
+
+def _graph(path: Path) -> tuple[Any, Any]:
+    """The package onnx, and the graph of a file."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise ModelError(f"path: found {type(path).__name__}, expected that of an ONNX file")
+    onnx = optional("onnx", "onnx")
+    damaged = optional("google.protobuf.message", "onnx").DecodeError
+    with _reading(path, "an ONNX file", damaged):
+        graph = onnx.load(os.fspath(path), load_external_data=False).graph
+    if not graph.input:
+        raise ModelError(f"{os.fspath(path)}: found a graph without inputs, expected a chain of "
+                         "layers")  # fmt: skip
+    return onnx, graph
 
 
 def _tensor(onnx: Any, item: Any) -> Reals:

@@ -19,10 +19,10 @@ from typing import Any, cast
 import numpy as np
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping
+from setid.data.checks import FrozenMapping, entries_of
 from setid.data.noise import EnergyBound, Noise, RateLimit
 from setid.data.record import IOData
-from setid.errors import SetidError
+from setid.errors import NoiseError, SetidError
 from setid.models.block import BlockStructured
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
@@ -217,9 +217,11 @@ def _made(kind: type, parts: dict[str, Any]) -> Any:
     """An object from its fields, through its constructor."""
     if kind is Noise:
         extra = {key: parts.pop(key) for key in ("assumptions", "model_error")}
-        noise = Noise(**parts)
-        for key, value in extra.items():
-            object.__setattr__(noise, key, value)
+        noise = Noise(**parts).covering(extra["model_error"])
+        texts = entries_of(extra["assumptions"], "assumptions", "texts", NoiseError)
+        if not all(isinstance(text, str) for text in texts):
+            raise NoiseError(f"assumptions: found {texts!r:.60}, expected texts")
+        object.__setattr__(noise, "assumptions", tuple(texts))
         return noise
     if issubclass(kind, BlockStructured):
         return _block_structure(kind, parts)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf, pi
 
 import numpy as np
@@ -23,12 +24,13 @@ from setid.proofs.frequency.arcs import (
     taylor,
 )
 
-__all__ = ["Arc", "Family", "first_arcs", "ratio_on_arcs", "zero_free"]
+__all__ = ["Arc", "Ceiling", "Family", "first_arcs", "ratio_on_arcs", "zero_free"]
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 _LEAST = 1e-6  # half width below which an arc is given up
 _MOST = 4000  # arcs of one question
+_NEAR = 1e-12  # rad, of ends that are one
 _TURNS = (0.0, 0.6, -0.6, 1.1, -1.1)  # rad, of half planes that are tried
 _OCTAGON = 1.0 / np.cos(pi / 8) * (1.0 + 1e-12)
 _MATRIX = bernstein(DEGREE)
@@ -136,6 +138,41 @@ def _half_planes(
 # ---- ratios -----------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ceiling:
+    """Bounds of a ratio that are to be proved, constant between neighbouring frequencies.
+
+    Parameters
+    ----------
+    ends : (K + 1,) float
+        Increasing, rad a sample.
+    values : (K,) float
+    """
+
+    ends: Reals
+    values: Reals
+
+    @staticmethod
+    def of(arcs: Sequence[tuple[float, float, float]]) -> Ceiling:
+        """Take the largest bound of the arcs that contain a frequency; -inf where none does.
+
+        Ends of neighbouring arcs may differ by a rounding error.
+        """
+        table = np.reshape(np.array(arcs, float), (-1, 3))
+        ends = np.unique(np.concatenate([[0.0, pi], table[:, 0], table[:, 1]]))
+        ends = ends[np.append(True, np.diff(ends) > _NEAR)]
+        middle = (ends[:-1] / 2 + ends[1:] / 2)[:, None]
+        inside = (table[:, 0] <= middle) & (middle <= table[:, 1])
+        values = np.where(inside, table[:, 2], -inf).max(axis=1, initial=-inf)
+        return Ceiling(ends, np.asarray(values, np.float64))
+
+    def over(self, low: float, high: float) -> float:
+        """Find the least bound that is asked for between two frequencies."""
+        first = int(np.searchsorted(self.ends, low + 2 * _NEAR, "right")) - 1
+        last = int(np.searchsorted(self.ends, high - 2 * _NEAR, "left"))
+        return float(self.values[first : max(last, first + 1)].min(initial=inf))
+
+
 def ratio_on_arcs(
     found: ParameterSet,
     top: Family,
@@ -144,6 +181,7 @@ def ratio_on_arcs(
     enough: float,
     arcs: Sequence[Arc] | None = None,
     until: float = inf,
+    ceiling: Ceiling | None = None,
 ) -> list[tuple[float, float, float]]:
     """Proved bounds of abs(top / below) on arcs that cover [0, pi].
 
@@ -161,6 +199,8 @@ def ratio_on_arcs(
     arcs : sequence of (centre, half width), optional
     until : float
         Reading of ``time.monotonic`` after which no arc is halved.
+    ceiling : Ceiling, optional
+        What is to be proved on each arc, in place of ``enough``.
 
     Returns
     -------
@@ -177,14 +217,20 @@ def ratio_on_arcs(
         following: list[Arc] = []
         late = count > _MOST or time.monotonic() > until
         for arc, bound, least in zip(coarse, bounds, floor, strict=True):
-            hopeless = not bound < np.inf and not least < np.inf
             close = bound <= max(enough, 1.05 * least)
+            if ceiling is not None:
+                close = bound <= ceiling.over(*_ends(arc)) or least > ceiling.over(arc[0], arc[0])
+            hopeless = not bound < np.inf and not least < np.inf
             if close or hopeless or arc[1] < _LEAST or late:
                 done.append((arc, float(bound)))
             else:
                 following += halves(arc)
         coarse = following
-    return sorted((max(c - h, 0.0), min(c + h, pi), bound) for (c, h), bound in done)
+    return sorted((*_ends(arc), bound) for arc, bound in done)
+
+
+def _ends(arc: Arc) -> tuple[float, float]:
+    return max(arc[0] - arc[1], 0.0), min(arc[0] + arc[1], pi)
 
 
 def _ratios(

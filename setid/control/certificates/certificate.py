@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
 from setid.control.certificates.characteristic import Characteristic
 from setid.control.certificates.refutation import unstable_plant
@@ -42,7 +43,14 @@ from setid.control.transfer import Transfer, as_transfer, is_schur
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Condition", "Question", "StabilityCertificate", "plant_model", "stability_certificate"]
+__all__ = [
+    "NOTHING",
+    "Condition",
+    "Question",
+    "StabilityCertificate",
+    "plant_model",
+    "stability_certificate",
+]
 
 Reals = NDArray[np.float64]
 Method = Literal["small_gain", "characteristic"]
@@ -51,6 +59,9 @@ _PROOF = 0.75  # of the time for the proof; the rest looks for a plant that refu
 _EARLY = 0.2  # of the time that is left, to look for it before the engine is asked
 _ROOM = 1.0 + 1e-9  # on bounds, so that a proof that is drawn again elsewhere stays below them
 _WITHOUT_MARGIN = "unbounded without a margin"
+NOTHING = "no plant of this structure is consistent with the record, proved"
+_REFUTED = "a consistent plant makes an unstable loop, both proved"
+_OPEN = ("the data give no finite set of plants", "no proof near ", _WITHOUT_MARGIN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,12 +362,12 @@ class Question:
         )
         return replace(answer, identification=result, seconds=time.monotonic() - begin)
 
-    def claim(self, factor: Transfer | None) -> Claim:
+    def claim(self, factor: Transfer | None, ceiling: Ceiling | None = None) -> Claim:
         """Find what holds cell by cell, F being the factor of small gain."""
         if self.method == "characteristic":
             return Characteristic(self.model, self.controller)
         assert factor is not None
-        return SmallGain(self.model, factor, self.reference, self.integrators, self.margin)
+        return SmallGain(self.model, factor, self.reference, self.integrators, self.margin, ceiling)
 
     def _prove(self, claim: Claim, until: float) -> tuple[ParameterSet | None, Outcome]:
         """Prove a claim over the set from sums of rows alone: whole, then cell by cell."""
@@ -493,20 +504,45 @@ class Question:
 
     # ---- verdict ------------------------------------------------------------------------
 
+    def proved_reason(self, outcome: Outcome) -> str:
+        """State what a proof over all cells says."""
+        if self.method == "characteristic":
+            return f"every closed loop is stable ({outcome.cells} cells)"
+        bound = max((b for *_, b in outcome.arcs), default=0.0)
+        return f"max abs(Delta) <= {bound:.4g} for every consistent plant"
+
+    def fits(self, answer: StabilityCertificate) -> bool:
+        """Check that an answer says in words what its numbers say, and keeps all assumptions.
+
+        Whether the numbers are proved is another question.
+        """
+        arcs = tuple((low, high, bound / _ROOM) for low, high, bound in answer.arcs)
+        outcome = Outcome(answer.verdict == "certified", arcs, (), answer.cells)
+        exact, _ = self.exact_conditions()
+        conditions = self._judged(exact, outcome)
+        failed = tuple(f"{c.name} fails: {c.text}" for c in exact if c.holds is False)
+        reasons = {
+            "certified": (self.proved_reason(outcome),),
+            "refuted": (_REFUTED,),
+            "open": failed or (NOTHING, *_OPEN),
+        }[answer.verdict]
+        return (
+            answer.conditions == conditions
+            and answer.reason.startswith(reasons)
+            and set(self._assumptions()) <= set(answer.assumptions)
+        )
+
     def _reason(self, found: ParameterSet | None, outcome: Outcome, plant: Transfer | None) -> str:
         if plant is not None:
-            return "a consistent plant makes an unstable loop, both proved"
+            return _REFUTED
         if found is None:
             text = "the data give no finite set of plants: the noise is strong"
             bare = self.margin is None and self.method == "small_gain"
             return f"{_WITHOUT_MARGIN}; {text}" if bare else text
         if found.empty:
-            return "no plant of this structure is consistent with the record, proved"
+            return NOTHING
         if outcome.proved:
-            if self.method == "characteristic":
-                return f"every closed loop is stable ({outcome.cells} cells)"
-            bound = max((b for *_, b in outcome.arcs), default=0.0)
-            return f"max abs(Delta) <= {bound:.4g} for every consistent plant"
+            return self.proved_reason(outcome)
         where = ", ".join(f"{w:.3g}" for w in outcome.failing[:3])
         if self.method == "small_gain" and self.margin is None and not outcome.arcs:
             return f"{_WITHOUT_MARGIN}: that all consistent plants are stable is not proved"

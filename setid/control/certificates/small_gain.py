@@ -15,7 +15,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.control.certificates.arcs import Family, ratio_on_arcs, zero_free
+from setid.control.certificates.arcs import Ceiling, Family, ratio_on_arcs, zero_free
 from setid.control.certificates.cells import Attempt
 from setid.control.engine import TransferFunction
 from setid.control.parameters.parameter_set import ParameterSet
@@ -53,6 +53,8 @@ class SmallGain:
     integrators : int
     margin : float, optional
         What is assumed of the poles of P; None: their stability is proved.
+    ceiling : Ceiling, optional
+        Bounds of abs(Delta) that are to be proved again; any below 1 when left out.
     """
 
     model: TransferFunction
@@ -60,6 +62,7 @@ class SmallGain:
     reference: Transfer
     integrators: int
     margin: float | None
+    ceiling: Ceiling | None = None
 
     def families(self) -> tuple[Family, Family, Family]:
         """Numerator and denominator of Delta, and the denominator of P."""
@@ -89,9 +92,16 @@ class SmallGain:
             return Attempt(False, list(hint), (), below)
         nominal = _nominal(top, below, theta)
         enough = nominal + _SPARE * max(1.0 - nominal, 0.0)
-        arcs = tuple(ratio_on_arcs(found, top, below, theta, enough, until=until))
-        bad = [0.5 * (a + b) for a, b, bound in arcs if not bound < _BELOW_ONE]
+        arcs = tuple(
+            ratio_on_arcs(found, top, below, theta, enough, until=until, ceiling=self.ceiling)
+        )
+        bad = [0.5 * (a + b) for a, b, bound in arcs if not self._enough(a, b, bound)]
         return Attempt(not bad, bad, arcs, below)
+
+    def _enough(self, low: float, high: float, bound: float) -> bool:
+        """Check a bound on an arc against 1, and against what is to be proved there."""
+        asked = inf if self.ceiling is None else self.ceiling.over(low, high)
+        return bound < _BELOW_ONE and bound <= asked
 
     def _gains(
         self, found: ParameterSet, theta: Reals, omega: Sequence[float]

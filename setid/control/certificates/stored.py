@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
-from math import inf, isnan
+from math import inf, isnan, pi
 from typing import Any
 
 import numpy as np
 
+from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import prove_over_cells
-from setid.control.certificates.certificate import Condition, Question, StabilityCertificate
+from setid.control.certificates.certificate import (
+    NOTHING,
+    Condition,
+    Question,
+    StabilityCertificate,
+)
 from setid.control.certificates.refutation import proves_instability
 from setid.control.engine import (
     Box,
@@ -20,7 +26,10 @@ from setid.control.engine import (
     SetidError,
     TransferFunction,
     Verification,
+    entries_of,
     formulate,
+    natural,
+    number,
     parsed,
     read,
     write,
@@ -46,6 +55,7 @@ _PARTS: tuple[str, ...] = (
 )
 _PARTS += ("reason", "assumptions", "help", "cells", "seconds")
 _SYSTEMS = ("controller", "reference", "plant")
+_NARROW = 1e-9  # rad: no arc of a proof is as narrow
 _MORE_CELLS = 4  # times the cells of the first proof, and a few, before a check gives up
 
 
@@ -59,14 +69,17 @@ def verify(answer: StabilityCertificate) -> Verification:
     Returns
     -------
     Verification
-        True where the verdict and all bounds follow; an open verdict claims nothing.
+        True where the verdict, all bounds and what is said of them follow; an open verdict claims
+        nothing but that no plant is consistent, where it says so.
     """
+    question = _question(answer)
+    if not question.fits(answer):
+        return Verification(False, "reason, conditions or assumptions are not those of the claim")
     if answer.verdict == "open":
         claims_bound = answer.method == "small_gain" and answer.bound < 1.0
         if claims_bound or answer.plant is not None:
             return Verification(False, "an open verdict claims a bound below 1 or a plant")
-        return Verification(True)
-    question = _question(answer)
+        return Verification(True) if answer.reason != NOTHING else _empty(answer, question)
     if answer.verdict == "refuted":
         return _refuted(answer)
     return _certified(answer, question)
@@ -105,6 +118,15 @@ def plants_of(answer: StabilityCertificate) -> ParameterSet:
     if answer.identification is None:
         return found
     return question.narrowed(found, answer.identification)
+
+
+def _empty(answer: StabilityCertificate, question: Question) -> Verification:
+    """Prove again that no plant is consistent with the record."""
+    found, known = question.known(), answer.identification
+    if found is not None and not found.empty and known is not None and known.empty:
+        return _belongs(known, question, found)
+    empty = found is not None and found.empty
+    return Verification(empty, "" if empty else "that no plant is consistent is not proved")
 
 
 def _refuted(answer: StabilityCertificate) -> Verification:
@@ -146,7 +168,11 @@ def _certified(answer: StabilityCertificate, question: Question) -> Verification
             return verdict
         found = question.narrowed(found, answer.identification)
     most = _MORE_CELLS * answer.cells + 16
-    outcome = prove_over_cells(found, question.claim(factor), inf, most)
+    ceiling = Ceiling.of(answer.arcs)
+    whole = all(low + _NARROW < high for low, high, _ in answer.arcs)
+    if answer.method == "small_gain" and not (whole and np.min(ceiling.values) > -inf):
+        return Verification(False, "the stored bounds of abs(Delta) do not cover all frequencies")
+    outcome = prove_over_cells(found, question.claim(factor, ceiling), inf, most)
     if not outcome.proved:
         return Verification(False, "the proof over all consistent plants fails")
     return _below(answer, outcome.arcs)
@@ -184,19 +210,11 @@ def _below(
     if answer.method == "characteristic":
         ok = isnan(answer.bound) and not answer.arcs
         return Verification(ok, "" if ok else "the method proves no bound of abs(Delta)")
-    ends = np.unique([end for low, high, _ in (*arcs, *answer.arcs) for end in (low, high)])
-    middles = ends[:-1] / 2 + ends[1:] / 2
-    new, old = (_largest(middles, parts) for parts in (arcs, answer.arcs))
-    if np.any(new > old) or not np.max(new, initial=0.0) <= answer.bound:
+    stored = Ceiling.of(answer.arcs)
+    above = any(b > stored.over(low, high) for low, high, b in arcs)
+    if above or not max((b for *_, b in arcs), default=0.0) <= answer.bound:
         return Verification(False, "a stored bound of abs(Delta) is below what is proved")
     return Verification(True)
-
-
-def _largest(at: Any, arcs: tuple[tuple[float, float, float], ...]) -> Any:
-    """Largest bound of the arcs that contain each frequency."""
-    table = np.reshape(np.array(arcs, float), (-1, 3))
-    inside = (table[:, 0] <= at[:, None]) & (at[:, None] <= table[:, 1])
-    return np.where(inside, table[:, 2], -inf).max(axis=1, initial=-inf)
 
 
 # ---- text -------------------------------------------------------------------------------
@@ -213,7 +231,8 @@ def to_json(answer: StabilityCertificate) -> str:
     found |= {name: write(getattr(answer, name), name) for name in _PARTS}
     found |= {name: _system(getattr(answer, name)) for name in _SYSTEMS}
     found["conditions"] = [[c.name, c.holds, c.text] for c in answer.conditions]
-    known = answer.identification if answer.verdict == "certified" else None
+    rests = answer.verdict == "certified" or answer.reason == NOTHING
+    known = answer.identification if rests else None
     found["identification"] = None if known is None else json.loads(write_identification(known))
     return json.dumps(found, allow_nan=False, separators=(",", ":"))
 
@@ -249,7 +268,13 @@ def from_json(text: str) -> StabilityCertificate:
         answer = _answer(found)
     except SetidError:
         raise
-    except (TypeError, ValueError, KeyError, AttributeError, ZeroDivisionError) as error:
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ) as error:
         raise SetidError(f"from_json: {error!r:.200}, expected a stored certificate") from error
     verdict = verify(answer)
     if not verdict:
@@ -273,16 +298,62 @@ def _answer(found: dict[str, Any]) -> StabilityCertificate:
     systems: dict[str, Any] = {name: _read_system(found[name]) for name in _SYSTEMS}
     if systems["controller"] is None or systems["reference"] is None:
         raise SetidError("from_json: found no controller or reference model, expected both")
-    parts["arcs"] = tuple(tuple(float(v) for v in arc) for arc in parts["arcs"])
-    parts["bound"] = float(parts["bound"])
-    texts = {name: tuple(parts[name]) for name in ("assumptions", "help")}
+    arcs = entries_of(parts["arcs"], "arcs", "a list of arcs", SetidError)
+    parts["arcs"] = tuple(_arc(arc, f"arcs[{k}]") for k, arc in enumerate(arcs))
+    texts = {name: _texts(parts[name], name) for name in ("assumptions", "help")}
     known = found["identification"]
-    return StabilityCertificate(
-        conditions=tuple(Condition(*item) for item in found["conditions"]),
+    answer = StabilityCertificate(
+        conditions=tuple(_condition(item) for item in found["conditions"]),
         parameters=None,
         identification=None if known is None else read_identification(json.dumps(known)),
         **(parts | systems | texts),
     )
+    _check_numbers(answer)
+    return answer
+
+
+def _arc(found: Any, place: str) -> tuple[float, float, float]:
+    """An arc of the upper half circle with its bound."""
+    parts = entries_of(found, place, "(from, to, bound)", SetidError)
+    ends = [number(value, f"{place}[{k}]", SetidError) for k, value in enumerate(parts)]
+    if len(ends) != 3 or not 0.0 <= ends[0] < ends[1] <= pi:
+        raise SetidError(f"{place}: found {found!r:.60}, expected (from, to, bound) in [0, pi]")
+    return ends[0], ends[1], ends[2]
+
+
+def _texts(found: Any, place: str) -> tuple[str, ...]:
+    texts = entries_of(found, place, "a list of texts", SetidError)
+    if isinstance(found, str) or not all(isinstance(text, str) for text in texts):
+        raise SetidError(f"{place}: found {found!r:.60}, expected a list of texts")
+    return tuple(texts)
+
+
+def _condition(found: Any) -> Condition:
+    name, holds, text = found
+    if not isinstance(name, str) or not isinstance(text, str) or holds not in (True, False, None):
+        raise SetidError(f"conditions: found {found!r:.60}, expected (name, true or false, text)")
+    return Condition(name, None if holds is None else bool(holds), text)
+
+
+def _check_numbers(answer: StabilityCertificate) -> None:
+    """Refuse numbers and texts that no certificate has."""
+    natural(answer.cells, "cells", SetidError)
+    number(answer.seconds, "seconds", SetidError)
+    if answer.margin is not None and not 0.0 < number(answer.margin, "margin", SetidError) < 1.0:
+        raise SetidError(f"margin: found {answer.margin!r}, expected a number between 0 and 1")
+    poles, most = natural(answer.integrators, "integrators", SetidError), answer.model.na[0][0]
+    if poles > min(most, 1):
+        raise SetidError(f"integrators: found {poles}, expected 0 or 1, at most the plant's order")
+    if answer.method == "small_gain" or not isinstance(answer.bound, float):
+        number(answer.bound, "bound", SetidError)
+    for name in _SYSTEMS:
+        system = getattr(answer, name)
+        if system is not None and system.Ts != answer.data.Ts:
+            raise SetidError(
+                f"{name}.Ts: found {system.Ts:g}, expected {answer.data.Ts:g} as of data"
+            )
+    if not isinstance(answer.reason, str):
+        raise SetidError(f"reason: found {answer.reason!r:.60}, expected a text")
 
 
 def _read_system(found: Any) -> Transfer | None:

@@ -47,6 +47,16 @@ class NoisyRows:
     slopes: tuple[sps.csr_array, ...]
     bound: Reals
 
+    @property
+    def largest(self) -> float:
+        """Largest bound of a noise sample; 1 without noise."""
+        return float(self.bound.max(initial=0.0)) or 1.0
+
+    @property
+    def relative(self) -> Reals:
+        """Bounds (M,) as fractions of the largest: weights of fits, whose squares are doubles."""
+        return np.asarray(self.bound / self.largest, np.float64)
+
     def shape_of_noise(self, x: Reals) -> sps.csr_array:
         """Coefficients (R, M) of the noise samples at x (q,)."""
         total = self.noise
@@ -80,6 +90,8 @@ def noisy_rows(
     u, y = data.u.ravel(), data.y.ravel()
     eta, xi, e = (bound.ravel() for bound in noise.bounds(data))
     lag = max(na, nk + nb - 1)
+    if lag >= data.samples:
+        raise DataError(f"data: found {data.samples} samples, expected more than {lag} in a record")
     begins = np.repeat(data.starts, np.diff(np.append(data.starts, data.samples)))
     first = begins + (0 if model.initial == "zero" else lag)
     rows = np.flatnonzero(np.arange(data.samples) >= first)

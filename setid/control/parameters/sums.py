@@ -44,6 +44,7 @@ _GAIN = 0.98  # of the widths: less is not worth another round
 _STEPS = 40  # Gauss-Newton
 _PROGRAMS = 5  # of a fit with the least largest noise
 _HUGE = 1e50  # of parameters that are tried
+_UNITS = (1e-100, 1e100)  # of noise, in which axes and their products are doubles
 _HALVINGS = 6  # of a step that makes the fit worse
 
 
@@ -175,7 +176,7 @@ def least_noise_fit(rows: NoisyRows, x: Reals) -> Reals:
     for _ in range(_PROGRAMS):
         noise = _residual_noise(rows, x)
         moved = np.stack([slope @ noise for slope in rows.slopes], axis=1)
-        shape = rows.shape_of_noise(x) * rows.bound[None, :]
+        shape = rows.shape_of_noise(x) * rows.relative[None, :]
         columns = [sps.csr_array(rows.regressors - moved), -shape]
         equal = sps.hstack([*columns, sps.csr_array((rows.target.size, 1))]).tocsr()
         eye, one = sps.eye_array(count), sps.csr_array(np.ones((count, 1)))
@@ -210,14 +211,15 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
     noise = _residual_noise(rows, x)
     clean = rows.regressors - np.stack([slope @ noise for slope in rows.slopes], axis=1)
     values, vectors = np.linalg.eigh(metric @ clean)
-    return np.asarray(vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1])), np.float64)
+    unit = float(np.clip(rows.largest, *_UNITS))
+    return np.asarray(vectors * unit / np.sqrt(np.maximum(values, 1e-12 * values[-1])), np.float64)
 
 
 def _residual_noise(rows: NoisyRows, x: Reals) -> Reals:
     """Noise (M,) of least squares that explains the rows at x."""
     residual = rows.target + rows.regressors @ x
     dual = sla.cho_solve_banded((_whitening(rows, x), True), residual)
-    return np.asarray(rows.bound**2 * (rows.shape_of_noise(x).T @ dual), np.float64)
+    return np.asarray(rows.relative**2 * (rows.shape_of_noise(x).T @ dual), np.float64)
 
 
 def _newton(rows: NoisyRows, x: Reals) -> tuple[float, Reals, Reals]:
@@ -227,7 +229,7 @@ def _newton(rows: NoisyRows, x: Reals) -> tuple[float, Reals, Reals]:
     white = _below(factor, residual)
     shape = rows.shape_of_noise(x)
     dual = _above(factor, white)
-    noise = rows.bound**2 * (shape.T @ dual)
+    noise = rows.relative**2 * (shape.T @ dual)
     moved = [slope @ noise for slope in rows.slopes]
     clean = rows.regressors - np.stack(moved, axis=1) if moved else rows.regressors
     inside = _below(factor, clean)
@@ -241,13 +243,14 @@ def _whitening(rows: NoisyRows, x: Reals) -> Reals:
 
     Noise samples occur in neighbouring rows only, so that the covariance has few diagonals.
     """
-    shape = rows.shape_of_noise(x) * rows.bound[None, :]
+    shape = rows.shape_of_noise(x) * rows.relative[None, :]
     covariance = sps.coo_array(shape @ shape.T)
     lower = covariance.row - covariance.col
     kept = lower >= 0
     bands = np.zeros((int(lower.max(initial=0)) + 1, covariance.shape[0]))
     bands[lower[kept], covariance.col[kept]] = covariance.data[kept]
-    bands[0] += 1e-10 * bands[0].mean()
+    mean = float(bands[0].mean())
+    bands[0] += 1e-10 * mean if mean > 0.0 else 1.0  # without noise all rows weigh the same
     return np.asarray(sla.cholesky_banded(bands, lower=True), np.float64)
 
 
@@ -295,7 +298,7 @@ def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals |
     The duals of max z_i subject to regressors z = noise: the least sum_m D_m abs(c_m).
     """
     x, count = frame.origin, rows.bound.size
-    scaled = rows.shape_of_noise(x) * rows.bound[None, :]
+    scaled = rows.shape_of_noise(x) * rows.relative[None, :]
     matrix = sps.hstack([sps.csr_array(rows.regressors @ frame.axes), -scaled]).tocsr()
     zero = np.zeros(rows.target.size)
     ends = np.append(np.full(x.size, inf), np.ones(count))

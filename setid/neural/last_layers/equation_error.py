@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
+from setid.data.checks import real_array
 from setid.neural.arithmetic import Interval, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
@@ -56,7 +57,11 @@ class EquationError:
         -------
         low, high : (N, ny) float
         """
-        width = self.upper_bound if error is None else np.asarray(error, float)
+        width = self.upper_bound
+        if error is not None:
+            width = real_array(error, "error", ModelError)
+            if width.shape not in ((), (1,), self.upper_bound.shape) or not np.all(width >= 0.0):
+                raise ModelError(f"error: found {error!r:.60}, expected bounds >= 0, one an output")
         return -up(-self.low + width), up(self.high + width)
 
     def verify(self) -> Verification:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from setid import (
     IntervalStatus,
     IOData,
+    ModelError,
     Noise,
     NoiseError,
     ParameterBox,
@@ -34,7 +35,7 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping
+from setid.data.checks import FrozenMapping, natural, number
 from setid.neural.arithmetic import Interval, down, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
@@ -54,6 +55,7 @@ __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
 Reals = NDArray[np.float64]
 _CLOSED = 1e-6  # of the width of an interval: what "certified" allows between its ends
+_FAILURES = 20  # of a walk in a row, after which the set is taken to be a point
 _SHIFTS = (1e-9, 1e-7, 1e-5, 1e-3)  # towards the inside, tried until vertices are proved members
 
 
@@ -205,12 +207,19 @@ class LastLayer:
         Parameters
         ----------
         count : int
+            At least 1.
         seed : int
 
         Returns
         -------
         (count, ny, m) float
+
+        Raises
+        ------
+        NoiseError
+            If no member was attained.
         """
+        count, seed = natural(count, "count", ModelError, 1), natural(seed, "seed", ModelError)
         rows = _rows(self.net, self.data, self.noise)
         rng = np.random.default_rng(seed)
         drawn = [_walk(part, item, count, rng) for part, item in zip(rows, self.sets, strict=True)]
@@ -312,7 +321,7 @@ def last_layer(
 
 
 def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise, str]:
-    if not factor > 1.0:
+    if not 1.0 < number(factor, "factor", NoiseError) < np.inf:
         raise NoiseError(f"factor: found {factor!r}, expected a number above 1")
     parts = _rows(net, data, Noise(equation=1.0))
     least = np.array([max(least_factor(p)[0], 1e-12 * np.max(np.abs(p.target))) for p in parts])
@@ -526,23 +535,33 @@ def _walk(rows: Rows, item: OutputSet, count: int, rng: np.random.Generator) -> 
         raise NoiseError("noise: no member was attained, so that none can be drawn")
     features, found = rows.features.middle(), list[Reals]()
     at = item.inside[0]
-    spread = np.linalg.cholesky(
-        np.cov(item.inside.T) + 1e-15 * np.trace(np.cov(item.inside.T)) * np.eye(rows.size)
-    )
+    spread, failed = _spread(item.inside), 0
     while len(found) < count:
         for _ in range(4):
             way = spread @ rng.normal(size=rows.size)
             drift, rest = features @ way, rows.target - features @ at
-            with np.errstate(divide="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore"):
                 ends = np.array([(rest - rows.radius) / drift, (rest + rows.radius) / drift])
             low, high = ends.min(axis=0).max(), ends.max(axis=0).min()
-            if low < high:
+            if low < high < np.inf and low > -np.inf:
                 at = at + rng.uniform(low, high) * (1.0 - 1e-6) * way
         if surely_inside(rows, at[None])[0]:
             found.append(at)
-        else:
-            at = item.inside[0]
+            failed = 0
+            continue
+        at, failed = item.inside[0], failed + 1
+        if failed > _FAILURES:  # a set as thin as rounding errors: a member that is known
+            found.append(at)
     return np.array(found)
+
+
+def _spread(members: Reals) -> Reals:
+    """A square root of the covariance of members (K, m); directions without spread stay 0."""
+    size = members.shape[1]
+    if len(members) < 2:
+        return np.zeros((size, size))
+    values, vectors = np.linalg.eigh(np.reshape(np.cov(members.T), (size, size)))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), np.float64)
 
 
 def _band(result: LastLayer, data: IOData, known: tuple[Reals, ...] | None) -> LayerBand:

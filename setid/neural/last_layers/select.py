@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from setid import IOData, ModelError
+from setid.data.checks import entries_of
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.models.regressor import NNARX
 from setid.neural.training.train import initial, train
@@ -116,7 +117,9 @@ def select(
     """
     check_executor(executor)
     settings = (data, validation, factor, activation, starts, seed)
-    tasks = [(order, width, settings) for order in orders for width in widths]
+    known = entries_of(orders, "orders", "a list of integers", ModelError)
+    sizes = entries_of(widths, "widths", "a list of integers", ModelError)
+    tasks = [(order, width, settings) for order in known for width in sizes]
     log = map_in_order(executor, _tried, tasks)
     if not log:
         raise ModelError("orders, widths: found no structure, expected at least one")

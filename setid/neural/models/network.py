@@ -35,7 +35,10 @@ def finite_array(given: Any, field: str, dimensions: int | None = None) -> Reals
         Naming the field and the first value that is no finite number.
     """
     try:
-        values = np.array(without_mask(given), dtype=float)
+        array = without_mask(given)
+        if np.iscomplexobj(array) or array.dtype.kind in "USmM":
+            raise TypeError
+        values = np.array(array, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ModelError(f"{field}: found {type(given).__name__}, expected real numbers") from None
     if dimensions is not None and values.ndim != dimensions:
@@ -96,8 +99,14 @@ class Network:
         activation: str | Sequence[str] = "tanh",
         leak: float = 0.01,
     ) -> None:
-        matrices = tuple(finite_array(w, f"weights[{i}]", 2) for i, w in enumerate(weights))
-        offsets = tuple(finite_array(b, f"biases[{i}]", 1) for i, b in enumerate(biases))
+        matrices = tuple(
+            finite_array(w, f"weights[{i}]", 2)
+            for i, w in enumerate(entries_of(weights, "weights", "one array a layer", ModelError))
+        )
+        offsets = tuple(
+            finite_array(b, f"biases[{i}]", 1)
+            for i, b in enumerate(entries_of(biases, "biases", "one array a layer", ModelError))
+        )
         if not matrices or len(matrices) != len(offsets):
             raise ModelError(
                 f"weights, biases: found {len(matrices)} and {len(offsets)} layers, expected "

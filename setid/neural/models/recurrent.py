@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
-from setid.data.checks import word
+from setid.data.checks import entries_of, word
 from setid.neural.arithmetic import ACTIVATIONS, activate
 from setid.neural.models.network import Network, finite_array, slope_of
 from setid.neural.models.regressor import check_record
@@ -96,11 +96,22 @@ def _matrix(given: Any, field: str, shape: tuple[int, ...]) -> Reals:
     return values
 
 
+def _parts(given: Any, field: str, expected: str, count: int) -> list[Any]:
+    """The arrays of a layer or gate."""
+    parts = entries_of(given, field, expected, ModelError)
+    if len(parts) != count:
+        raise ModelError(f"{field}: found {len(parts)} arrays, expected {expected}")
+    return parts
+
+
 def _readout(given: Any, width: int) -> Network:
     """A static output layer as a network: (W, b), a Network, or None for the state itself."""
     if given is None:
         return Network([np.eye(width)], [np.zeros(width)])
-    net = given if isinstance(given, Network) else Network([given[0]], [given[1]])
+    net = given
+    if not isinstance(given, Network):
+        weight, bias = _parts(given, "output", "a Network or (W, b)", 2)
+        net = Network([weight], [bias])
     if net.inputs != width:
         raise ModelError(f"output: found {net.inputs} inputs, expected {width} states")
     return net
@@ -161,7 +172,8 @@ class Elman(StateNetwork):
     ) -> None:
         read: list[tuple[Reals, Reals, Reals]] = []
         below = -1
-        for i, (w, v, b) in enumerate(layers):
+        for i, layer in enumerate(entries_of(layers, "layers", "a list of (W, V, b)", ModelError)):
+            w, v, b = _parts(layer, f"layers[{i}]", "(W, V, b)", 3)
             offset = _matrix(b, f"layers[{i}].b", (-1,))
             size = offset.size
             read.append(
@@ -427,7 +439,7 @@ class GRU(StateNetwork):
         reset: Reset = "before",
     ) -> None:
         word(reset, "reset", ("before", "after"), ModelError)
-        parts = list(candidate)
+        parts = entries_of(candidate, "candidate", "(W, U, b) or (W, U, b, c)", ModelError)
         gates = _gates({"update": update, "reset_gate": reset_gate, "candidate": parts[:3]})
         width = gates[0][2].size
         if len(parts) > 3 and reset == "before":
@@ -475,9 +487,8 @@ def _gates(given: dict[str, Sequence[ArrayLike]]) -> tuple[tuple[Reals, Reals, R
     """Gates (W, U, b) of one width and one number of inputs."""
     found: list[tuple[Reals, Reals, Reals]] = []
     size = channels = -1
-    for name, parts in given.items():
-        if len(parts) != 3:
-            raise ModelError(f"{name}: found {len(parts)} arrays, expected (W, U, b)")
+    for name, arrays in given.items():
+        parts = _parts(arrays, name, "(W, U, b)", 3)
         bias = _matrix(parts[2], f"{name}[2]", (size,))
         size = bias.size
         weight = _matrix(parts[0], f"{name}[0]", (size, channels))

@@ -20,6 +20,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
+from setid.data.checks import natural, number
 from setid.neural.arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
@@ -171,6 +172,9 @@ def output_error(
     (0.167, 0.167, True)
     """
     require_ieee()
+    if not 0.0 <= number(tolerance, "tolerance", ModelError) < np.inf:
+        raise ModelError(f"tolerance: found {tolerance!r}, expected a number >= 0")
+    natural(nodes, "nodes", ModelError, 1)
     if not isinstance(net, (Elman, NeuralStateSpace, LSTM, GRU, RegressorNetwork)):
         raise ModelError(f"net: found {type(net).__name__}, expected a model of setid.neural")
     check_record(data, net.channels, net.outputs, single=True)

@@ -13,6 +13,7 @@ need no search: weights alone give all other unknowns by simulation.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import ModelError
+from sparsepop_py.algebra.polynomial import Kind
 
 __all__ = ["TrainingProblem", "proved_by_certificate", "search_by_engine", "training_problem"]
 
@@ -67,8 +69,8 @@ class TrainingProblem:
 
 def training_problem(
     phi: Reals, y: Reals, signs: Sequence[float], leak: float, weights: float, offset: float,
-    cap: float,
-) -> TrainingProblem:  # fmt: skip
+    cap: float, until: float = np.inf,
+) -> TrainingProblem | None:  # fmt: skip
     """State the training of one hidden layer as a polynomial problem.
 
     Parameters
@@ -81,6 +83,13 @@ def training_problem(
         Slope for negative arguments, 0 for ReLU, below 1.
     weights, offset, cap : float
         Bounds of hidden weights and biases, of c, and of D.
+    until : float
+        Reading of ``time.monotonic`` after which the statement is given up.
+
+    Returns
+    -------
+    TrainingProblem or None
+        None where it was given up.
     """
     if not 0.0 <= leak < 1.0:
         raise ModelError(f"leak: found {leak!r}, expected a number in [0, 1)")
@@ -91,17 +100,24 @@ def training_problem(
     names += [f"m{t}_{j}" for t in range(count) for j in range(k)]
     x = sp.variables(len(names), names)
     base = k * d + k
-    c, level = x[base], x[base + 1]
-    rows, start = [], base + 2
+    level = x[base + 1]
+    rows, start = list[sp.Constraint](), base + 2
+    hidden = [np.append(np.arange(j * d, (j + 1) * d), k * d + j) for j in range(k)]
     for t in range(count):
-        output = c + 0.0
-        for j in range(k):
-            z = sum((float(phi[t, i]) * x[j * d + i] for i in range(d)), 1.0 * x[k * d + j])
-            place = start + t * k + j
-            plus, minus = x[place], x[place + pairs]
-            rows += [plus - minus - z == 0, plus * minus == 0]
-            output = output + float(signs[j]) * plus - float(signs[j] * leak) * minus
-        rows += [level + output - float(y[t]) >= 0, level - output + float(y[t]) >= 0]
+        if time.monotonic() > until:
+            return None
+        places = start + t * k + np.arange(k)
+        for j, place in enumerate(places):
+            # plus - minus - z == 0 and plus minus == 0
+            rows.append(_row([place, place + pairs, *hidden[j]], [1.0, -1.0, *-phi[t], -1.0], x))
+            words = np.array([[place + 1, place + pairs + 1]])
+            product = sp.Polynomial.from_words(words, np.ones(1), len(x), x[0].names)
+            rows.append(sp.Constraint(product, Kind.ZERO))
+        # level +- (c + sum_j s_j (plus_j - leak minus_j) - y_t) >= 0
+        output = np.concatenate([[1.0], signs, -leak * np.asarray(signs)])
+        which = [base, *places, *(places + pairs)]
+        for side in (1.0, -1.0):
+            rows.append(_row([base + 1, *which], [1.0, *(side * output)], x, -side * float(y[t])))
     for j in range(k - 1):
         if signs[j] == signs[j + 1]:
             rows.append(x[j * d] - x[(j + 1) * d] >= 0)
@@ -114,6 +130,19 @@ def training_problem(
     return TrainingProblem(
         problem, frozen(phi), frozen(y), frozen(np.asarray(signs, float)), float(leak), float(cap)
     )
+
+
+def _row(
+    places: Sequence[int],
+    weights: Sequence[float],
+    x: Sequence[sp.Polynomial],
+    constant: float | None = None,
+) -> sp.Constraint:
+    """A linear equation, or with a constant a linear inequality, weights x + constant >= 0."""
+    words = np.array([[0], *([place + 1] for place in places)])
+    coefficients = np.array([0.0 if constant is None else constant, *weights])
+    row = sp.Polynomial.from_words(words, coefficients, len(x), x[0].names)
+    return sp.Constraint(row, Kind.ZERO if constant is None else Kind.NONNEGATIVE)
 
 
 def search_by_engine(item: TrainingProblem, seconds: float) -> tuple[sp.Result, Reals | None]:

@@ -399,8 +399,10 @@ class _Search:
 
     def bounded(self, goal: Goal, nodes: int) -> None:
         """Search the patterns for one end, and shrink the box by what is proved."""
+        if time.monotonic() > self.until:
+            return
         program = self.task.program(self.signs, (self.low.copy(), self.high.copy()))
-        search = PatternSearch(program, goal)
+        search = PatternSearch(program, goal, self.until)
         search.add(np.zeros(program.pairs, np.int8))
         seen: int = 0
         while True:

@@ -38,6 +38,7 @@ __all__ = ["Goal", "PatternNode", "PatternSearch", "Patterns", "prove_tree"]
 Reals = NDArray[np.float64]
 Goal = tuple[int, float]  # column, and +1 to bound it from below, -1 from above
 _ROOM = 1e-9
+_LEAST = 0.01  # seconds of a program that is begun when the time is over
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +107,7 @@ class Patterns:
             np.kron(np.ones((count, 1)), np.eye(k)), np.zeros((pairs, 2)),
         ]))  # fmt: skip
         arguments = sps.hstack([own, -eye, eye])
-        add = sps.csr_array(np.kron(np.eye(count), signs))
+        add = sps.csr_array(sps.kron(sps.identity(count), signs[None, :]))
         offset = np.zeros((count, size))
         offset[:, -2] = 1.0
         level = np.zeros((count, size))
@@ -208,8 +209,8 @@ def prove_tree(
 class PatternSearch:
     """Best-first branch and bound over the patterns of one program."""
 
-    def __init__(self, program: Patterns, goal: Goal | None = None) -> None:
-        self.program = program
+    def __init__(self, program: Patterns, goal: Goal | None = None, until: float = np.inf) -> None:
+        self.program, self.until = program, until  # a reading of time.monotonic
         self.goal = goal or program.level
         self.model = LinearModel(program.matrix, program.rows, program.columns)
         self.cost = np.zeros(program.matrix.shape[1])
@@ -223,7 +224,7 @@ class PatternSearch:
         program = self.program
         low, high = program.decided(fixed)
         self.model.bound(np.arange(low.size), low, high)
-        found = self.model.solve(self.cost)
+        found = self.model.solve(self.cost, self._left())
         infeasible = found.status == "infeasible"
         value = program.prove(found.dual, fixed, infeasible, self.goal)
         split = -1
@@ -243,8 +244,12 @@ class PatternSearch:
         low, high = self.program.decided(fixed)
         high[self.program.weights - 1] *= 1.0 - room
         self.model.bound(np.arange(low.size), low, high)
-        found = self.model.solve(self.cost)
+        found = self.model.solve(self.cost, self._left())
         return found.x if found.status == "solved" else None
+
+    def _left(self) -> float | None:
+        """Seconds that one program may take."""
+        return None if self.until == np.inf else max(self.until - time.monotonic(), _LEAST)
 
     def run(self, cutoff: float, until: float, most: int) -> float:
         """Bisect until the bound reaches the cutoff or limits are met; returns the bound.

@@ -5,6 +5,8 @@ Nothing here is proved; what is found is checked elsewhere.
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
@@ -16,13 +18,15 @@ __all__ = ["MemberSearch"]
 
 Reals = NDArray[np.float64]
 _ROUNDS = 40
+_LEAST = 0.01  # seconds of a linear program that has begun
 _SMALL = 1e-9  # steps below this end a search
 
 
 class MemberSearch:
     """Local search over all weights x = (w_1, b_1, w_2, b_2, ..., v, c) within their ranges."""
 
-    def __init__(self, program: WeightProgram, bound: float) -> None:
+    def __init__(self, program: WeightProgram, bound: float, until: float = np.inf) -> None:
+        self.until = until  # reading of time.monotonic after which no step is tried
         self.program, self.room = program, bound * (1.0 - 1e-9)
         k, d = program.width, program.phi.shape[1]
         self.full = np.hstack([program.phi, np.ones((len(program.phi), 1))])
@@ -31,6 +35,11 @@ class MemberSearch:
         high[-1] = program.bias
         self.high, self.low = high, np.where(np.arange(high.size) >= self.hidden, 0.0, -high)
         self.low[-1] = -program.bias
+
+    @property
+    def late(self) -> bool:
+        """True where the time is over."""
+        return time.monotonic() > self.until
 
     def residual(self, x: Reals) -> tuple[Reals, Reals]:
         """Errors (T,) and the derivatives (T, p) of the outputs."""
@@ -50,6 +59,8 @@ class MemberSearch:
 
     def step(self, x: Reals, reach: float, cost: Reals, room: float) -> Reals | None:
         """The best step within a reach, errors being linear; the last entry of cost is of D."""
+        if self.late:
+            return None
         rest, slopes = self.residual(x)
         one = np.ones((len(rest), 1))
         matrix = sps.csr_array(np.vstack([np.hstack([slopes, one]), np.hstack([slopes, -one])]))
@@ -57,7 +68,8 @@ class MemberSearch:
         rows = np.append(rest, -free), np.append(free, rest)
         low = np.append(np.maximum(self.low - x, -reach), 0.0)
         high = np.append(np.minimum(self.high - x, reach), room)
-        found = LinearModel(matrix, rows, (low, high)).solve(cost)
+        left = self.until - time.monotonic()
+        found = LinearModel(matrix, rows, (low, high)).solve(cost, max(left, _LEAST))
         return np.clip(x + found.x[:-1], self.low, self.high) if found.status == "solved" else None
 
     def least(self, x: Reals, enough: float = 0.0, reach: float = 0.5) -> tuple[Reals, float]:
@@ -72,7 +84,7 @@ class MemberSearch:
                 x, value, reach = trial, reached, 2.0 * reach
             else:
                 reach /= 3.0
-            if reach < _SMALL or value <= enough:
+            if reach < _SMALL or value <= enough or self.late:
                 break
         return x, value
 
@@ -94,6 +106,6 @@ class MemberSearch:
             else:
                 over = reached - self.room if np.isfinite(reached) else 0.0
                 reach, spare = 0.5 * reach, min(0.5 * over, 0.1 * self.room)
-            if reach < _SMALL:
+            if reach < _SMALL or self.late:
                 break
         return x

@@ -35,6 +35,7 @@ Reals = NDArray[np.float64]
 _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between its ends
 _LINEAR = 0.3  # distance of the lines from the activation below which cuts are tried
 _WORTH = 0.1  # of the width of a box: what a cut must take off
+_MEMBERS = 0.5  # of the time, until which networks that explain the record are looked for first
 _STARTS, _TRIES = 10, 30  # local searches: at the start, and in all (successes count 6)
 _ROOMS = (1.0, 1.0 + 1e-6, 1.01, 2.0)  # multiples of the bound at which ends are looked for
 _HIDDEN = 0.85  # of the time for the ends of hidden weights, before those of v and c
@@ -324,7 +325,7 @@ class _Search:
         self.alive: dict[int, Interval] = {0: self.program.root()}
         self.members: dict[tuple[int, float], Reals] = {}
         self.tries, self.begin = 0, time.monotonic()
-        self.local = MemberSearch(task.program, task.bound)
+        self.local = MemberSearch(task.program, task.bound, until)
         self.last: dict[int, Reals] = {}  # ends of v, -v, ..., c, -c over boxes
 
     def run(self) -> None:
@@ -509,13 +510,20 @@ class _Search:
 
     def start(self) -> None:
         """Look for networks that explain the record, from the one given and from random ones."""
-        inner, task = self.task.net.network, self.task
+        inner = self.task.net.network
         rng = np.random.default_rng(0)
         side = np.where(inner.weights[1][0] < 0.0, -1.0, 1.0)
         first = np.hstack([inner.weights[0], inner.biases[0][:, None]]) * side[:, None]
         given = np.concatenate([first.ravel(), np.abs(inner.weights[1][0]), inner.biases[1]])
+        self.local.until = self.begin + _MEMBERS * (self.until - self.begin)
+        self.search_from(given, rng)
+        self.local.until = self.until
+
+    def search_from(self, given: Reals, rng: np.random.Generator) -> None:
+        """Go from given weights, then from random ones, until some explain the record."""
+        task = self.task
         for number in range(_STARTS):
-            if self.members:
+            if self.members or self.local.late:
                 return
             x = given if number == 0 else rng.uniform(-1.0, 1.0, task.size)
             self.offer(np.where(np.arange(x.size) >= task.hidden, np.abs(x), x))
@@ -535,8 +543,11 @@ class _Search:
         if error > self.task.bound * (1.0 - 1e-9):
             return
         self.tries += 5
+        self.take(x)
         for entry in range(x.size):
             for side in (1.0, -1.0):
+                if self.local.late:
+                    return
                 self.take(self.local.extreme(x, entry, side))
 
     def approach(self, goals: list[tuple[int, float]]) -> None:

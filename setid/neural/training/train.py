@@ -99,7 +99,7 @@ def initial(
     phi, row = regressors(data, order)
     if not row.size:
         raise DataError(f"data: found no row with a complete regressor of order {order}")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(natural(seed, "seed", ModelError))
     mean, spread = phi.mean(axis=0), np.maximum(phi.std(axis=0), 1e-12)
     level, size = data.y[row].mean(axis=0), np.maximum(data.y[row].std(axis=0), 1e-12)
     sizes = [phi.shape[1], *hidden, data.outputs]
@@ -169,6 +169,12 @@ def train(
     >>> found.status, found.attained < 1e-3
     (<Status.ATTAINED: 'attained'>, True)
     """
+    for field, count, least in (
+        ("starts", starts, 1),
+        ("seed", seed, 0),
+        ("max_steps", max_steps, 1),
+    ):
+        natural(count, field, ModelError, least)
     usual = "scipy" if isinstance(net, NNARX) else "ipopt"
     kinds: dict[str, tuple[type, ...]] = {
         "scipy": (NNARX,),

@@ -45,6 +45,7 @@ __all__ = ["ProvedTraining", "train_proved"]
 
 Reals = NDArray[np.float64]
 _PIECEWISE = ("relu", "leaky_relu", "identity")
+_SIMULATED = 0.3  # of the time, for these
 _STARTS = 20  # random weights whose errors are simulated before the engine is asked
 
 
@@ -223,8 +224,8 @@ def _by_patterns(
     lower, count = np.inf, 0
     choices = _signs(width, network.activation[0] == "identity")
     for index, signs in enumerate(choices):
-        search = PatternSearch(_program(network, phi, y, signs, weights, cap))
         share = time.monotonic() + (until - time.monotonic()) / (len(choices) - index)
+        search = PatternSearch(_program(network, phi, y, signs, weights, cap), until=share)
         value = _search(search, best, np.array(signs), tolerance, share, nodes - count)
         trees[signs] = search.tree()
         lower, count = min(lower, value), count + len(search.known)
@@ -245,14 +246,20 @@ def _by_engine(
         )
     best = _Best(network, phi, y, weights)
     choices = _signs(network.weights[0].shape[0], False)
-    for signs in choices:
-        _simulated(best, _program(network, phi, y, signs, weights, _cap(y)), np.array(signs))
+    begin = time.monotonic()
+    for index, signs in enumerate(choices):
+        share = begin + _SIMULATED * (until - begin) * (index + 1) / len(choices)
+        program = _program(network, phi, y, signs, weights, _cap(y))
+        _simulated(best, program, np.array(signs), share)
     cap = best.value * (1.0 + 1e-9) + 1e-300
     exact = best.value <= tolerance * best.scale  # 0 is bound enough
     trees: dict[tuple[float, ...], Any] = dict.fromkeys(choices) if exact else {}
     lower, count = 0.0 if exact else cap, 0
     for index, signs in enumerate(() if exact else choices):
-        item = _stated(network, phi, y, signs, weights, cap)
+        item = _stated(network, phi, y, signs, weights, cap, until)
+        if item is None:
+            lower = 0.0  # nothing is proved of this choice of signs
+            break
         share = (until - time.monotonic()) / (len(choices) - index)
         result, point = search_by_engine(item, share)
         if point is not None:
@@ -264,11 +271,13 @@ def _by_engine(
     return replace(found, cap=cap)
 
 
-def _simulated(best: _Best, program: Patterns, signs: Reals) -> None:
+def _simulated(best: _Best, program: Patterns, signs: Reals, until: float) -> None:
     """Attain errors by random weights, whose patterns' programs are then solved."""
-    search, rng = PatternSearch(program), np.random.default_rng(0)
+    search, rng = PatternSearch(program, until=until), np.random.default_rng(0)
     k, d = best.given.weights[0].shape
     for _ in range(_STARTS):
+        if time.monotonic() > until:
+            return
         best.take(best.weights * rng.uniform(-1.0, 1.0, k * (d + 1)), signs)
         best.polish(search, signs)
     search.add(np.zeros(program.pairs, np.int8))
@@ -277,9 +286,11 @@ def _simulated(best: _Best, program: Patterns, signs: Reals) -> None:
 
 
 def _stated(
-    network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float
-) -> TrainingProblem:
-    return training_problem(phi, y, signs, _leak(network), weights, reaches(weights, y), cap)
+    network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float,
+    until: float = np.inf,
+) -> TrainingProblem | None:  # fmt: skip
+    reach = reaches(weights, y)
+    return training_problem(phi, y, signs, _leak(network), weights, reach, cap, until)
 
 
 def _result(
@@ -388,8 +399,11 @@ def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> flo
         if signs not in item.trees:
             return 0.0
         tree = item.trees[signs]
-        if tree is None or isinstance(tree, sp.Certificate):
+        if tree is None:
+            return 0.0
+        if isinstance(tree, sp.Certificate):
             stated = _stated(network, phi, y, signs, item.weights, item.cap)
+            assert stated is not None
             least = min(least, proved_by_certificate(stated, tree))
             continue
         program = _program(network, phi, y, signs, item.weights, item.cap)

@@ -242,3 +242,32 @@ def test_pictures() -> None:
     control.plots.plot_loop_step(control.loop_step(found, 10))
     control.plots.plot_matching(control.check_matching(P, K, M))
     plt.close("all")
+
+
+@pytest.mark.parametrize("bound", [0.0, 1e-300, 1e-160, 1e-12])
+def test_records_without_noise_have_certificates_and_controllers(bound: float) -> None:
+    # y_k = .5 y_{k-1} + r_{k-1} with halves: doubles without rounding for 20 samples
+    r = np.random.default_rng(0).choice([-1.0, 1.0], 20)
+    plant, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.5], [1, -0.5])
+    data = setid.IOData(r, plant.simulate(r))
+    K = control.ideal_controller(plant, M)
+    for method in ("small_gain", "characteristic"):
+        answer = control.stability_certificate(
+            data, K, M, 1, bound, method=method, delay=1, time_limit=3.0
+        )
+        assert answer.verdict == "certified" and answer.verify()
+    low, high = answer.parameters.box
+    assert np.all(low <= [-0.5, 1.0]) and np.all([-0.5, 1.0] <= high)
+    options = setid.Options(time_limit=2.0, progress=False)
+    found = control.design(data, M, control.LTI(1), bound, options=options)
+    for name, value in {"a1": -1.0, "b0": 0.5, "b1": -0.25}.items():  # K of s = K y
+        assert found.intervals[name].outer[0] <= value <= found.intervals[name].outer[1]
+
+
+def test_noise_beyond_all_sense_leaves_the_verdict_open() -> None:
+    r = np.random.default_rng(0).uniform(-1, 1, 20)
+    plant, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.5], [1, -0.5])
+    data = setid.IOData(r, plant.simulate(r))
+    K = control.ideal_controller(plant, M)
+    answer = control.stability_certificate(data, K, M, 1, 1e300, delay=1, time_limit=1.0)
+    assert answer.verdict == "open" and "the noise is strong" in answer.reason

@@ -11,6 +11,9 @@ import pytest
 
 import setid
 from setid import control
+from setid.control.certificates import stored
+from setid.control.certificates.arcs import ratio_on_arcs
+from setid.control.certificates.cells import Outcome
 from setid.control.certificates.certificate import Question
 from setid.control.parameters.parameter_set import identified
 
@@ -35,6 +38,31 @@ def test_round_trip(method: str) -> None:
     assert (again.verdict, again.method, again.arcs) == ("certified", method, answer.arcs)
     assert again.controller.numerator == answer.controller.numerator
     assert again.to_json() == answer.to_json()
+
+
+def test_bounds_on_other_arcs_than_those_of_a_new_proof_are_proved_again() -> None:
+    """A proof under a short time limit ends with other arcs than one without a clock."""
+    answer = certificate("small_gain")
+    question = stored._question(answer)
+    claim = question.claim(question.exact_conditions()[1])
+    found = question.known()
+    top, below, _ = claim.families()
+    fine = [(w, 0.5 * np.pi / 96) for w in (np.arange(96) + 0.5) * np.pi / 96]
+    arcs = ratio_on_arcs(found, top, below, found.centre, 0.0, fine)
+    stated = tuple((low, high, bound * (1 + 1e-9)) for low, high, bound in arcs)
+    outcome = Outcome(True, tuple(arcs), (), answer.cells)
+    tight = replace(
+        answer,
+        arcs=stated,
+        bound=max(b for *_, b in stated),
+        reason=question.proved_reason(outcome),
+        conditions=question._judged(question.exact_conditions()[0], outcome),
+    )
+    assert tight.verify() and control.StabilityCertificate.from_json(tight.to_json())
+    low = tuple((a, b, 0.8 * bound) for a, b, bound in stated)
+    assert not replace(tight, arcs=low).verify()
+    assert not replace(tight, arcs=stated[1:]).verify()
+    assert not replace(tight, arcs=(*stated[1:], (0.0, 1e-12, 1.0))).verify()
 
 
 def test_a_refutation_goes_round_and_its_plant_is_checked() -> None:
@@ -94,3 +122,69 @@ def test_a_proof_that_rests_on_an_identification_brings_it_along() -> None:
         [setid.Box({"a1": (-0.5005, -0.4995), "b1": (0.9995, 1.0005)})], options,
     )  # fmt: skip
     assert not replace(answer, identification=other).verify()
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("margin",), "x"), (("margin",), True), (("margin",), 1.5),
+        (("integrators",), 10**400), (("integrators",), 2), (("integrators",), None),
+        (("cells",), "x"), (("seconds",), "x"), (("bound",), 10**400), (("reason",), 1),
+        (("arcs",), [[1.0, 2.0]]), (("arcs", 0), []), (("arcs", 0, 1), 10**400),
+        (("arcs", 0, 2), "x"), (("assumptions",), "x"), (("help",), [1]),
+        (("conditions", 0, 1), "x"), (("conditions",), [[1]]),
+        (("controller", "Ts"), 10**400), (("controller", "Ts"), 2.0),
+        (("controller", "coefficients", 0, 0), 10**400),
+        (("noise", "fields", "model_error"), "x"), (("noise", "fields", "model_error"), -0.005),
+        (("model", "fields", "na"), 10**400), (("data", "fields", "Ts"), 2.0),
+    ],
+)  # fmt: skip
+def test_damaged_numbers_are_refused_by_name(place: tuple, value: object) -> None:
+    found = json.loads(certificate("small_gain").to_json())
+    part = found
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    with pytest.raises(setid.SetidError, match=r"found|expected"):
+        control.StabilityCertificate.from_json(json.dumps(found))
+
+
+@pytest.mark.parametrize("method", ["small_gain", "characteristic"])
+def test_words_that_say_other_than_the_numbers_are_refused(method: str) -> None:
+    text = certificate(method).to_json()
+    for key, value in {
+        "reason": "max abs(Delta) <= 1e-09 for every consistent plant",
+        "assumptions": [],
+        "conditions": [],
+    }.items():
+        found = json.loads(text) | {key: value}
+        with pytest.raises(setid.SetidError, match="does not hold"):
+            control.StabilityCertificate.from_json(json.dumps(found))
+    assumed = json.loads(text) | {"margin": 0.01}  # which is then an assumption, but not listed
+    with pytest.raises(setid.SetidError, match="does not hold"):
+        control.StabilityCertificate.from_json(json.dumps(assumed))
+
+
+def test_an_open_verdict_claims_nothing_in_words() -> None:
+    answer = certificate("characteristic")
+    blank = {"verdict": "open", "reason": "no proof near 0.1 rad a sample", "identification": None}
+    name = answer.conditions[0].name
+    text = "not proved for every plant"
+    found = json.loads(answer.to_json()) | blank | {"conditions": [[name, None, text]]}
+    assert control.StabilityCertificate.from_json(json.dumps(found)).verdict == "open"
+    for key, value in {
+        "reason": "no plant of this structure is consistent with the record, proved",
+        "conditions": [[name, True, "for every consistent plant"]],
+        "plant": found["controller"],
+    }.items():
+        with pytest.raises(setid.SetidError, match="does not hold"):
+            control.StabilityCertificate.from_json(json.dumps(found | {key: value}))
+
+
+def test_a_proof_that_no_plant_is_consistent_goes_round() -> None:
+    r = np.random.default_rng(0).uniform(-1, 1, 40)
+    data, K = setid.IOData(r, r**3), control.ideal_controller(PLANT, M)
+    answer = control.stability_certificate(data, K, M, 1, 0.01, delay=1, time_limit=5.0)
+    assert answer.verdict == "open" and answer.reason.endswith("record, proved")
+    again = control.StabilityCertificate.from_json(answer.to_json())
+    assert again.reason == answer.reason

@@ -154,3 +154,56 @@ def test_transfer_from_and_to_python_control() -> None:
     )
     with pytest.raises(setid.ModelError, match="continuous"):
         control.ideal_controller(module.TransferFunction([1.0], [1.0, 1.0]), given)
+
+
+@pytest.mark.parametrize("bad", [None, "x", float("nan"), [1.0], 1j, {"a": 1}])
+def test_wrong_times_numbers_and_lists_are_named(bad: object) -> None:
+    M = control.reference_model(rise=3.0)
+    calls = {
+        "Ts": lambda: control.reference_model(rise=3.0, Ts=bad),
+        "zeros": lambda: control.reference_model(rise=3.0, zeros=[bad]),
+        "samples": lambda: control.check_matching(([0, 1], [1, -0.5]), M, M, bad),
+        "tolerance": lambda: M.snapped(bad),
+        "LTI.integrator": lambda: control.LTI(1, integrator=bad),
+        "PID.derivative": lambda: control.PID(derivative=bad),
+        "PID.filter": lambda: control.PID(filter=bad),
+        "disturbance": lambda: control.Specification(1.0, disturbance=(0.1, bad)),
+        "sensor_noise": lambda: control.Specification(1.0, rise=3.0, sensor_noise=bad),
+    }
+    if bad is not None:
+        calls["rise"] = lambda: control.Specification(1.0, rise=bad)
+    if not isinstance(bad, complex):
+        calls |= {"zeros ": lambda: control.Specification(1.0, rise=3.0, zeros=[bad])}
+    for field, call in calls.items():
+        if field == "sensor_noise" and bad is None:
+            continue  # which is left out
+        with pytest.raises(setid.SetidError, match=f"{field.strip()}.*(found|expected)"):
+            call()
+
+
+@pytest.mark.parametrize("bad", ["x", 1j, [[1, 2], [3]], {"a": 1}, float("inf")])
+def test_frequencies_that_are_no_numbers_are_named(bad: object) -> None:
+    with pytest.raises(setid.SetidError, match="omega: found"):
+        control.reference_model(rise=3.0).response(bad)
+
+
+def test_systems_beyond_all_doubles_are_named() -> None:
+    for call in (
+        lambda: control.Transfer([10**400]),
+        lambda: control.Transfer([1], [1e-300, 1e300]),
+        lambda: control.reference_model(rise=3.0) + 10**400,
+    ):
+        with pytest.raises(setid.ModelError, match="beyond all doubles"):
+            call()
+    with pytest.raises(setid.ModelError, match="leading coefficient 0"):
+        control.Polynomials([[1.0]], [0.0, 1.0])
+
+
+def test_priors_and_options_of_a_design_are_named() -> None:
+    r = np.random.default_rng(0).uniform(-1, 1, 20)
+    data, M = setid.IOData(r, r), control.reference_model(rise=3.0)
+    with pytest.raises(setid.SetidError, match="priors: found int"):
+        control.design(data, M, control.LTI(1), 0.1, priors=3)
+    for bad in (0, 5.0, np.ones(2)):
+        with pytest.raises(setid.SetidError, match="options: found"):
+            control.design(data, M, control.LTI(1), 0.1, options=bad)

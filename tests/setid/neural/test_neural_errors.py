@@ -216,3 +216,47 @@ def test_several_outputs() -> None:
     # u = 1, 2, 3 are the rows: the slope is within 2 De / 2 of the truth
     assert found.intervals["w[1]1"].outer == pytest.approx((1.5, 2.5), abs=1e-12)
     assert found.intervals["w[2]1"].outer == pytest.approx((-1.25, -0.75), abs=1e-12)
+
+
+def test_members_are_drawn_where_one_is_known_and_where_the_known_ones_agree() -> None:
+    net = neural.NNARX(
+        neural.Network([[[0.0, 1.0, 0.0]], [[1.0]]], [[0.0], [0.0]], "relu"), order=1
+    )
+    data = setid.IOData([0, 0, 1, 2, 3], [0, 0, 2, 4, 6])
+    found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    (item,) = found.sets
+    assert np.all(np.abs(found.members(7)[:, 0, 0] - 2.0) <= 1.0 / 3.0 + 1e-9)
+    for places in ([0], [0, 0], [0, 1]):  # without spread, and with spread along a line
+        few = replace(found, sets=(replace(item, inside=item.inside[places]),))
+        drawn = few.members(3)[:, 0]
+        assert drawn.shape == (3, 2)
+        if places != [0, 1]:
+            np.testing.assert_array_equal(drawn, item.inside[[0, 0, 0]])
+    for count in (0, 1.5, None):
+        with pytest.raises(setid.ModelError, match="count: found"):
+            found.members(count)
+
+
+@pytest.mark.parametrize("bad", [None, "x", 1j, float("nan"), [1.0, 2.0, 3.0], -1])
+def test_wrong_numbers_of_fits_and_bands_are_named(bad: object) -> None:
+    u = np.sin(np.arange(20.0))
+    data = setid.IOData(u, u**2)
+    net = neural.initial(data, order=1, widths=[1])
+    elman = neural.Elman([([[1.0]], [[0.5]], [0.0])], ([[1.0]], [0.0]))
+    calls = {
+        "factor": lambda: neural.last_layer(net, data, factor=bad),
+        "tolerance": lambda: neural.output_error(elman, data, [[0.0, 1.0]], bad),
+        "nodes": lambda: neural.output_error(elman, data, [[0.0, 1.0]], nodes=bad),
+        "starts": lambda: neural.train(net, data, starts=bad),
+        "seed": lambda: neural.initial(data, 1, seed=bad),
+        "max_steps": lambda: neural.train(net, data, max_steps=bad),
+    }
+    if bad is not None:  # which is left out
+        calls["error"] = lambda: neural.equation_error(net, data).band(bad)
+    if not isinstance(bad, list):
+        calls["orders"] = lambda: neural.select(data, data, orders=bad, widths=[1], starts=1)
+    for field, call in calls.items():
+        if field == "orders" and bad == "x":
+            continue
+        with pytest.raises(setid.SetidError, match=f"{field}: found"):
+            call()

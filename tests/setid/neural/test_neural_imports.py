@@ -88,6 +88,99 @@ def test_unknown_modules_are_refused_by_name() -> None:
         neural.from_jax_sysid(3)
 
 
+def recurrent() -> dict[str, np.ndarray]:
+    shapes = {"weight_ih_l0": (4, 2), "weight_hh_l0": (4, 4), "bias_ih_l0": 4, "bias_hh_l0": 4}
+    return {key: np.full(shape, 0.1) for key, shape in shapes.items()}
+
+
+def test_arrays_that_belong_to_no_layer_are_refused() -> None:
+    """A network without them would be another one than that which was trained."""
+    head = {"fc.weight": np.ones((1, 4)), "fc.bias": [0.0]}
+    with pytest.raises(setid.ModelError, match=r"found rnn.bias_hh_l0, .* beside known layers"):
+        neural.from_torch({f"rnn.{key}": value for key, value in recurrent().items()} | head)
+    with pytest.raises(setid.ModelError, match=r"found fc.bias, fc.weight beside known layers"):
+        neural.from_torch(recurrent() | head)
+    with pytest.raises(setid.ModelError, match="weight_hh_l0_reverse"):
+        state = recurrent()
+        neural.from_torch(state | {f"{key}_reverse": value for key, value in state.items()})
+    with pytest.raises(setid.ModelError, match="found gain beside known layers"):
+        neural.from_torch({"0.weight": [[1.0, 2.0]], "gain": [2.0]})
+    with pytest.raises(setid.ModelError, match="expected one for all recurrent layers"):
+        neural.from_torch(recurrent(), activation=["tanh", "relu"])
+
+
+class Linear:
+    def __init__(self, inputs: int, outputs: int) -> None:
+        self.weight, self.bias = np.ones((outputs, inputs)), None
+
+
+class LeakyReLU:
+    def __init__(self, slope: float) -> None:
+        self.negative_slope = slope
+
+
+class Sequential(list):
+    """Modules one after the other, known by its class name alone."""
+
+
+def test_leaky_relus_of_several_slopes_are_refused() -> None:
+    stack = [Linear(2, 3), LeakyReLU(0.1), Linear(3, 2), LeakyReLU(0.1), Linear(2, 1)]
+    assert neural.from_torch(Sequential(stack)).leak == 0.1
+    stack[3] = LeakyReLU(0.3)
+    with pytest.raises(setid.ModelError, match=r"slopes \[0.1, 0.3\], expected one slope"):
+        neural.from_torch(Sequential(stack))
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ({"0.weight": np.array([[1.0 + 2.0j, 0.0]])}, r"source\['0.weight'\]: found ndarray"),
+        ({"0.weight": [["1", "2"]]}, "expected real numbers"),
+        (recurrent() | {"bias_ih_l0": np.zeros(3)}, r"biases of the shapes \(3,\) and \(4,\)"),
+        ({"weight_ih_l0": np.ones((4, 2))}, "no matrix weight_hh_l0"),
+        ({"weight_ih_l0": np.ones((9, 2)), "weight_hh_l0": np.ones((9, 3)),
+          "bias_ih_l0": np.ones(8)}, r"with \[9, 9, 8, 9\] rows"),
+    ],
+)  # fmt: skip
+def test_arrays_of_no_layer_are_named(state: dict, message: str) -> None:
+    with pytest.raises(setid.ModelError, match=message):
+        neural.from_torch(state)
+
+
+@pytest.mark.parametrize("bad", [3, None, [[[1.0 + 1.0j]]], [[["1"]]]])
+def test_weights_that_are_no_matrices_are_named(bad: object) -> None:
+    with pytest.raises(setid.ModelError, match="weights"):
+        neural.from_arrays(bad, [[0.0]])
+    with pytest.raises(setid.ModelError, match="layers"):
+        neural.Elman(bad, ([[1.0]], [0.0]))
+    with pytest.raises(setid.ModelError, match=r"output|weights"):
+        neural.Elman([([[1.0]], [[0.5]], [0.0])], 3 if bad is None else bad)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
+    with pytest.raises(setid.ModelError, match="No such file"):
+        neural.from_arrays(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("W1")
+    np.save(tmp_path / "one.npy", np.eye(2))
+    np.savez(tmp_path / "whole.npz", W1=np.eye(2), b1=np.zeros(2))
+    (tmp_path / "half.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:90])
+    for name in ("text.npz", "one.npy", "half.npz"):
+        with pytest.raises(setid.ModelError, match=rf"{name}.*expected"):
+            neural.from_arrays(tmp_path / name)
+
+
+def test_models_of_jax_sysid_are_checked() -> None:
+    def model(*params: object) -> SimpleNamespace:
+        return SimpleNamespace(params=params, nx=2, nu=1, ny=1, isLinear=True, y_in_x=False)
+
+    net = neural.from_jax_sysid(model(0.5 * np.eye(2), np.ones((2, 1)), np.ones((1, 2))))
+    assert net.states == 2
+    with pytest.raises(setid.ModelError, match=r"shapes \[\(2, 2\)\], expected A, B, C and D"):
+        neural.from_jax_sysid(model(np.eye(2)))
+    with pytest.raises(setid.ModelError, match="expected A, B, C and D of 2 states"):
+        neural.from_jax_sysid(model(np.eye(2), np.ones((3, 1)), np.ones((1, 2))))
+
+
 @pytest.mark.parametrize("name", ["onnx", "torch"])
 def test_missing_packages_are_named(name: str, monkeypatch, tmp_path) -> None:
     monkeypatch.setitem(sys.modules, name, None)
@@ -236,6 +329,20 @@ def test_onnx_chains(tmp_path) -> None:
     a = x @ w[0] + b[0]
     expected = np.tanh(np.where(a > 0, a, 0.25 * a) @ w[1].T + b[1]) @ w[2]
     np.testing.assert_allclose(net(x), expected, atol=1e-12)
+    usual = list(nodes)
+    for place, node, message in (
+        (3, helper.make_node("Gemm", ["d", "W2", "d"], ["e"], transB=1), "found the inputs d, d"),
+        (4, helper.make_node("LeakyRelu", ["e"], ["f"], alpha=0.5), "slopes"),
+        (5, helper.make_node("MatMul", ["f", "W3"], ["z"]), "output: found y, expected z"),
+    ):
+        nodes[place] = node
+        save(nodes, tmp_path / "other.onnx")
+        with pytest.raises(setid.ModelError, match=message):
+            neural.from_onnx(tmp_path / "other.onnx")
+        nodes = list(usual)
+    (tmp_path / "odd.onnx").write_text("no model")
+    with pytest.raises(setid.ModelError, match="expected an ONNX file"):
+        neural.from_onnx(tmp_path / "odd.onnx")
     nodes[4] = helper.make_node("Softplus", ["e"], ["f"])
     save(nodes, tmp_path / "odd.onnx")
     with pytest.raises(setid.ModelError, match="ONNX operator Softplus, expected Gemm"):

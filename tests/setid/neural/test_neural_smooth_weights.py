@@ -13,7 +13,7 @@ import pytest
 import setid
 from setid import neural
 from setid.neural.arithmetic import Interval
-from setid.neural.training import smooth_weights
+from setid.neural.training import smooth_members, smooth_weights
 from setid.neural.training.smooth_weights import WeightStep
 
 PHI = {
@@ -49,6 +49,7 @@ def counted_time() -> Iterator[None]:
     clock = SimpleNamespace(monotonic=lambda: 0.01 * next(ticks))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(smooth_weights, "time", clock)
+        patch.setattr(smooth_members, "time", SimpleNamespace(monotonic=lambda: 0.0))
         yield
 
 

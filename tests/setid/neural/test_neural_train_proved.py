@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from itertools import product
 
@@ -275,3 +276,28 @@ def test_wrong_envelopes_are_refused() -> None:
         neural.envelope("relu", -1, 1)
     with pytest.raises(setid.ModelError, match="expected finite low < high"):
         neural.envelope("tanh", 1, 1)
+
+
+def long_record(samples: int) -> setid.IOData:
+    rng = np.random.default_rng(0)
+    u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
+    for t in range(1, samples):
+        y[t] = 0.5 * y[t - 1] + 0.8 * np.tanh(u[t - 1])
+    return setid.IOData(u, y + rng.uniform(-0.02, 0.02, samples))
+
+
+@pytest.mark.parametrize(
+    ("activation", "method"),
+    [("relu", "patterns"), ("relu", "engine"), ("relu", "hidden"), ("tanh", "hidden")],
+)
+def test_long_records_keep_the_time_limit(activation: str, method: str) -> None:
+    """Programs of 2 000 samples and 2 neurons, of which one alone takes longer than the limit."""
+    data = long_record(2000)
+    net = neural.initial(data, order=1, widths=[2], activation=activation)
+    begin = time.process_time()
+    if method == "hidden":
+        found = neural.hidden_weights(net, data, 0.3, weights=3.0, time_limit=0.5)
+    else:
+        found = neural.train_proved(net, data, weights=3.0, time_limit=0.5, method=method)
+    assert time.process_time() - begin < 2.0
+    assert found.verify()
