@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import sparsepop_py as sp
 from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
 from setid.data.frames import require_pandas
@@ -29,7 +30,7 @@ from setid.html import table as html_table
 from setid.identify import identify
 from setid.models.continuous import without_delta
 from setid.options import Options, check_executor, checked_options
-from setid.priors import Box
+from setid.priors import Box, parameters
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.parameter_box import start_of
@@ -240,7 +241,7 @@ def sensitivity(
     tasks: list[tuple[_Work, float | None, tuple[Any, ...]]] = [
         *((work, value, ()) for value in values),
         (work, None, ()),
-        *((work, None, (_other(name, sign),)) for name, sign in signed),
+        *((work, None, (_other(formulation, name, sign),)) for name, sign in signed),
     ]
     if executor is not None:
         work.left = 1
@@ -324,6 +325,11 @@ def _given(formulation: Formulation) -> set[str]:
     return {n for n, k in zip(formulation.parameters, known, strict=True) if k}
 
 
-def _other(name: str, sign: int) -> Box:
+def _other(formulation: Formulation, name: str, sign: int) -> Box | sp.Constraint:
     """The half line where a parameter is zero or has the other sign."""
+    low, high = start_of(formulation)
+    number = formulation.parameters.index(name)
+    if low[number] == 0.0 or high[number] == 0.0:  # a row, so that priors still read their sign
+        value = parameters(formulation.model)[name]
+        return value <= 0.0 if sign > 0 else value >= 0.0
     return Box({name: (None, 0.0) if sign > 0 else (0.0, None)})

@@ -144,3 +144,17 @@ def test_skipped_stages_leave_the_effort_auto_and_presolve_is_warned_of() -> Non
     weak = setid.Options(engine=sp.Options(), progress=False)
     with pytest.warns(setid.SetidWarning, match="effort 'presolve'"):
         setid.identify(DATA, FIRST, setid.Noise(equation=0.5), (), weak)
+
+
+def test_signs_that_a_prior_asks_for_are_lost_like_others() -> None:
+    """MinimumPhase reads the sign of b0 off the bounds, which the level of b0 must leave alone."""
+    model, noise = setid.TransferFunction(1, 2), setid.Noise(equation=0.01)
+    u = [1, 2, -1, 0, 2, -2, 1, -1, 1, 2]
+    data = setid.simulate_record(model, [0.5, 1, 0.5], u, noise).data
+    priors = [setid.Sign({"b0": "+"}), setid.MinimumPhase()]
+    found = setid.identify(data, model, noise, priors, QUIET).sensitivity([1.0])
+    # b0 = 0 leaves no numerator: then y(k) + a1 y(k-1) has to be noise
+    y = data.y.ravel()
+    worst = min(np.abs(y[1:] + a * y[:-1]).max() for a in np.linspace(-2, 2, 4001)) / 0.01
+    low, high = found.lost["b0"]
+    assert low <= worst and high == pytest.approx(worst, rel=1e-3) and found.verify()
