@@ -92,7 +92,8 @@ def from_json(text: str) -> Identification:
     verdict = result.verify()
     if not verdict:
         raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
-    check_attained(result.intervals)
+    units = in_units(result.problem, result.formulation).units
+    check_attained(result.intervals, units[: len(result.intervals)].tolist())
     return result
 
 

@@ -7,7 +7,7 @@ Functions have no text: structures, noise sets and priors made of them are refus
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -149,7 +149,9 @@ def read(found: Any, place: str = "result") -> Any:
         raise SetidError(f"{place}: {error}, expected a {found['is']}") from error
 
 
-def check_attained(intervals: Mapping[str, ParameterInterval]) -> None:
+def check_attained(
+    intervals: Mapping[str, ParameterInterval], sizes: Sequence[float] | None = None
+) -> None:
     """Refuse attained ends outside of proved intervals, which verification has no need to.
 
     Values at most 5 and at least -5 may well exist where every value lies in [-1, 1].
@@ -157,14 +159,17 @@ def check_attained(intervals: Mapping[str, ParameterInterval]) -> None:
     Parameters
     ----------
     intervals : mapping of str to ParameterInterval
+    sizes : sequence of float, optional
+        Units of the parameters, in which attained points are known up to rounding: zero is where
+        the outer ends are.
 
     Raises
     ------
     SetidError
         Naming the end.
     """
-    for name, item in intervals.items():
-        room = _ROUNDED * max((abs(end) for end in item.outer if isfinite(end)), default=0.0)
+    for size, (name, item) in zip(sizes or [0.0] * len(intervals), intervals.items(), strict=True):
+        room = _ROUNDED * max([size, *(abs(end) for end in item.outer if isfinite(end))])
         for end in item.inner or ():
             if not item.outer[0] - room <= end <= item.outer[1] + room:
                 low, high = item.outer

@@ -111,6 +111,21 @@ def test_claims_that_do_not_follow_are_refused() -> None:
             setid.Identification.from_json(changed(result, "data", "fields", "y", value=y))
 
 
+def test_points_are_known_up_to_rounding_beside_ends_at_zero() -> None:
+    """The engine proves a0 = 0 of an integrator, and points are attained near 0."""
+    model = setid.ContinuousTransferFunction(1, 0, hold="constant", Ts=1e-3)
+    u = np.array([1.0, -2, 2, 3, -1, -3, 0, 1, 2, -2, 1, 0])
+    y = np.append(0.0, np.cumsum(750.0 * 1e-3 * u[:-1])) + 0.1 * np.cos(np.arange(12))
+    priors = [setid.Stable(), setid.PoleIn(0.0, 0.0)]
+    options = setid.Options(time_limit=1.5, progress=False)
+    data = setid.IOData(u, y, 1e-3)
+    result = setid.identify(data, model, setid.Noise(output=0.15), priors, options)
+    low, high = result.intervals["a0"].outer
+    assert low == high == 0.0
+    text = result.to_json()
+    assert setid.Identification.from_json(text).to_json() == text
+
+
 def test_witnesses_that_are_no_members_are_refused() -> None:
     result = sensors()
     found = json.loads(result.to_json())["result"]["intervals"][0]["witnesses"][0]
