@@ -28,6 +28,7 @@ __all__ = ["principal_cover", "solved_heights"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
+_FIXED, _TINY = 1e-13, 1e-250  # widths that are rounding: relative, and absolute
 _GAPS = 1e-2, 5e-2  # of the width along an axis, and along a diagonal of two
 
 
@@ -106,7 +107,7 @@ def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Real
         return cover, np.zeros((0, p))
     until = time.monotonic() + time_limit
     found = []
-    kinds = _directions(known, np.maximum(cover.upper - cover.lower, 1e-300))
+    kinds = _directions(known, cover)
     for directions, gap in zip(kinds, _GAPS, strict=False):  # one parameter has no diagonals
         left = until - time.monotonic()
         if left > 0:
@@ -114,7 +115,7 @@ def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Real
                 result.options.for_engine(), gap=gap, gap_kind="width", time_limit=left
             )
             found.append((directions, *solved_heights(result, directions, options)))
-    matrix, right, points = [cover.matrix], [cover.right], []
+    matrix, right, points = [cover.matrix], [cover.right], [np.zeros((0, p))]
     for directions, heights, attained in found:
         proved = np.isfinite(heights)
         matrix.append(directions[proved])
@@ -124,11 +125,24 @@ def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Real
     return replace(cover, matrix=rows[0], right=rows[1]), frozen(np.concatenate(points))
 
 
-def _directions(known: Reals, width: Reals) -> list[Reals]:
-    """The principal axes of members (M, p), then the diagonals of each pair of them."""
-    _, _, axes = np.linalg.svd((known - known.mean(axis=0)) / width)
-    spread = np.ptp((known / width) @ axes.T, axis=0)[:, None]
-    even = axes / np.maximum(spread, 1e-12 * spread.max())  # members have the width 1 along these
-    one, two = np.triu_indices(width.size, 1)
+def _directions(known: Reals, cover: Cover) -> list[Reals]:
+    """The principal axes of members (M, p), then the diagonals of each pair of them.
+
+    What has one value up to rounding has no part in them: its unit would be that of the rounding.
+    """
+    width = cover.upper - cover.lower
+    moves = width > np.maximum(_FIXED * np.maximum(-cover.lower, cover.upper), _TINY)
+    if not moves.any():
+        return []
+    each = known[:, moves] / width[moves]
+    _, _, axes = np.linalg.svd(each - each.mean(axis=0))
+    spread = np.ptp(each @ axes.T, axis=0)[:, None]
+    even = axes / np.maximum(spread, max(1e-12 * spread.max(), _TINY))  # members have the width 1
+    one, two = np.triu_indices(len(axes), 1)
     across = np.concatenate([even[one] + even[two], even[one] - even[two]])
-    return [np.concatenate([each, -each]) / width for each in (axes, across) if each.size]
+    found = []
+    for kind in (axes, across):
+        full = np.zeros((2 * len(kind), width.size))
+        full[:, moves] = np.concatenate([kind, -kind]) / width[moves]
+        found.append(full)
+    return [each for each in found if each.size]

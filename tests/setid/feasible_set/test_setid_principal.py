@@ -64,3 +64,19 @@ def test_an_exact_cover_and_sets_without_points_stay_as_they_are() -> None:
     truth = setid.simulate_record(model, [-0.5, 1.0], np.cos(np.arange(20.0)), noise)
     bare = identified(setid.formulate(truth.data, model, noise), [(-0.6, -0.4), (0.9, 1.1)])
     assert len(principal_cover(bare, 10.0)[0].right) == len(cover_of(bare).right)
+
+
+def test_parameters_with_one_value_have_no_part_in_directions() -> None:
+    """The width of a known parameter is zero, and bands asked the engine in units of 1e-300."""
+    model, noise = setid.TransferFunction(na=1, nb=2, nk=1), setid.Noise(output=0.1)
+    u = np.random.default_rng(0).integers(-2, 3, 12).astype(float)
+    truth = setid.simulate_record(model, [-0.5, 1.0, 0.25], u, noise, 1)
+    options = setid.Options(time_limit=2.0, progress=False)
+    found = setid.identify(truth.data, model, noise, setid.Known({"b2": 0.25}), options)
+    cover, _ = principal_cover(found, 10.0)
+    new = cover.matrix[len(cover_of(found).right) :]
+    assert len(new) and not new[:, 2].any() and np.all(np.abs(new).max(axis=1) < 1e6)
+    assert np.all(cover.matrix @ [-0.5, 1.0, 0.25] <= cover.right)
+    true = setid.simulate(model, [-0.5, 1.0, 0.25], np.ones(10)).ravel()
+    band = setid.step_band(found, 10, time_limit=2.0)
+    assert np.all((band.low <= true) & (true <= band.high)) and np.all(np.isfinite(band.high))
