@@ -141,9 +141,10 @@ def project(
         )
     width = np.where(high > low, high - low, 1.0)
     points = result.attained[:, pair]
-    if cover.exact and np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)):
-        corners = _corners(cover, pair, width)
-        normals, exact = _edge_normals(corners, width), True
+    exact = cover.exact and bool(np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)))
+    corners = _corners(cover, pair, width) if exact else None
+    if corners is not None:
+        normals = _edge_normals(corners, width)
         heights = _heights(cover, pair, normals)
     else:
         angles = 2 * np.pi * np.arange(count) / count
@@ -179,11 +180,16 @@ def _solved(
 # ---- polygons ---------------------------------------------------------------------------
 
 
-def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals:
-    """Corners of the projection of the polytope, anticlockwise, by looking past each edge."""
+def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals | None:
+    """Corners of the projection of the polytope, anticlockwise, by looking past each edge.
+
+    None where the polytope is as thin as rounding, so that a linear program finds no point of it.
+    """
     sides = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
-    corners = [_farthest(cover, pair, side / width) for side in sides]
-    corners = _distinct(corners, width)
+    found = [_farthest(cover, pair, side / width) for side in sides]
+    corners = _distinct([corner for corner in found if corner is not None], width)
+    if any(corner is None for corner in found):
+        return None
     place = 0
     while place < len(corners) and len(corners) < _MOST_VERTICES:
         here, there = corners[place], corners[(place + 1) % len(corners)]
@@ -195,6 +201,8 @@ def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals:
             continue
         normal = outward / size / width
         beyond = _farthest(cover, pair, normal)
+        if beyond is None:
+            return None
         if normal @ (beyond - here) > _FLAT:
             corners.insert(place + 1, beyond)
         else:
@@ -202,15 +210,15 @@ def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals:
     return np.array(corners)
 
 
-def _farthest(cover: Cover, pair: list[int], normal: Reals) -> Reals:
-    """A point of the polytope farthest in a direction, on the two parameters."""
+def _farthest(cover: Cover, pair: list[int], normal: Reals) -> Reals | None:
+    """A point of the polytope farthest in a direction, on the two parameters; None if not found."""
     cost = np.zeros(cover.lower.size)
     cost[pair] = -normal * cover.spread[pair]
     below = sps.csr_array(cover.matrix * cover.spread), cover.right - cover.matrix @ cover.centre
     ones = np.ones(cover.lower.size)
     found = solve_scaled(cost, below, None, (-ones, ones))
     if found.status != "solved":
-        raise SetidError("result: the rows of the cover contradict each other")
+        return None
     return (cover.centre + cover.spread * found.x)[pair]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from identification_cases import PLANT, laboratory_two_first
@@ -9,6 +11,7 @@ from identified_cases import empty, first_order, identified, second_order
 
 import setid
 from setid.feasible_points.members import members
+from setid.feasible_set import projections
 from setid.feasible_set.projections import Projection, project
 
 # Vertices of the polygon of the first laboratory: exact intersections of its half planes.
@@ -106,3 +109,15 @@ def test_bad_arguments() -> None:
     endless = identified(result.formulation, [(-np.inf, 0.0), (1.0, 3.0)])
     with pytest.raises(setid.SetidError, match="finite"):
         project(endless, "a1", "b0")
+
+
+def test_sets_as_thin_as_rounding_have_an_outline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A linear program that finds no point says nothing of a set that is not empty."""
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    unsolved = SimpleNamespace(status="infeasible", x=None)
+    monkeypatch.setattr(projections, "solve_scaled", lambda *_: unsolved)
+    found = setid.project(result, "a1", "b0")
+    assert not found.exact and len(found.outline) > 3
+    x = np.array([-0.45, 2.0])  # satisfies the rows of the record
+    assert np.all(found.directions @ x <= found.heights)
