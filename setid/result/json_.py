@@ -165,15 +165,24 @@ def _end(found: sp.Result) -> dict[str, Any]:
 # ---- reading ----------------------------------------------------------------------------
 
 
-def _result(found: dict[str, Any]) -> Identification:
+def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Identification:
+    """Read a result; priors that are known by their texts are the same objects again.
+
+    Verification tells which priors the evidence with fewer of them rests on, and constraints are
+    equal only to themselves.
+    """
     data = read(found["data"], "data")
     if not isinstance(data, IOData):
         raise SetidError(f"data: found {type(data).__name__}, expected IOData")
     model, noise = read(found["model"], "model"), read(found["noise"], "noise")
-    formulation = formulate(data, model, noise, [read(p, "priors") for p in found["priors"]])
+    shared = dict(known or {})
+    texts = [json.dumps(prior, sort_keys=True) for prior in found["priors"]]
+    for text, prior in zip(texts, found["priors"], strict=True):
+        shared[text] = shared[text] if text in shared else read(prior, "priors")
+    formulation = formulate(data, model, noise, [shared[text] for text in texts])
     box, bounds = read(found["box"], "box"), read(found["bounds"], "bounds")
     reference, fewer = (
-        None if found.get(key) is None else _result(found[key])
+        None if found.get(key) is None else _result(found[key], shared)
         for key in ("reference", "fewer_priors")
     )
     problem = formulation.problem

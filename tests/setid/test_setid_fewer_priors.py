@@ -43,6 +43,17 @@ def test_the_evidence_is_kept_in_files(cut_short: setid.Identification) -> None:
     assert again.fewer_priors is not None and again.table() == cut_short.table()
 
 
+def test_constraints_are_known_again_in_files(data: setid.IOData) -> None:
+    """A constraint is equal only to itself, and counts in the evidence with fewer priors."""
+    options = setid.Options(engine=sp.Options(effort="plain", refine="none"), progress=False)
+    names = setid.parameters(MODEL)
+    priors = [setid.Stable(), names["a1"] + names["b1"] <= -0.79]  # cuts the set
+    found = setid.identify(data, MODEL, NOISE, priors, options)
+    assert found.fewer_priors is not None and len(found.fewer_priors.formulation.priors) == 1
+    text = found.to_json()
+    assert setid.Identification.from_json(text).to_json() == text
+
+
 def test_an_empty_set_stays_empty_with_a_prior(data: setid.IOData) -> None:
     noise = setid.Noise(equation=1e-6)
     options = setid.Options(progress=False)
