@@ -30,7 +30,7 @@ from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import SetidError, SetidWarning, warns_once
+from setid.errors import DataError, NoiseError, SetidError, SetidWarning, warns_once
 from setid.feasible_points.cascades import (
     CascadeEnds,
     attained_result,
@@ -197,6 +197,12 @@ def _held_out(
     data, model, noise, priors = parts
     if not isinstance(data, IOData):
         raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    if isinstance(holdout, IOData) and holdout.Ts != data.Ts:
+        raise DataError(f"holdout: found Ts = {holdout.Ts:g}, expected {data.Ts:g} as in data")
+    if isinstance(noise, Noise) and noise.constraints:  # before the work, which would be lost
+        raise NoiseError(
+            "noise: found constraints over the record, expected bounds alone for holdout"
+        )
     until = settings.deadline()
     first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
     own, other = _noise_of(noise, data, first, rest)

@@ -90,6 +90,8 @@ class Holdout:
         level = self.level
         if not _same_bounds(level.noise, known.noise, known.data.samples):
             return Verification(False, "held-out samples: the noise is not that of the result")
+        if self.data.Ts != known.data.Ts:
+            return Verification(False, "held-out samples: the sampling time is another one")
         again = stated(known, intervals, self.data, level.noise, level.limit)
         verdict = verify_scale(replace(level, formulation=again))
         return verdict if verdict else Verification(False, f"held-out samples: {verdict.reason}")

@@ -146,3 +146,18 @@ def test_results_without_held_out_samples_are_read_as_before() -> None:
     found = json.loads(result.to_json())
     assert found["result"].pop("holdout") is None
     assert setid.Identification.from_json(json.dumps(found)).holdout is None
+
+
+def test_held_out_samples_are_refused_before_the_work_where_nothing_can_be_said() -> None:
+    data, noise = record(setid.Noise(equation=0.05)), setid.Noise(equation=0.05)
+    fast = setid.IOData(data.u, data.y, Ts=0.5)
+    with pytest.raises(setid.DataError, match="holdout: found Ts = 0.5, expected 1 as in data"):
+        setid.identify(data, MODEL, noise, (), FAST, holdout=fast)
+    together = setid.Noise(equation=0.05, constraints=[setid.EnergyBound("equation", 1.0)])
+    with pytest.raises(setid.NoiseError, match="bounds alone for holdout"):
+        setid.identify(data, MODEL, together, (), FAST, holdout=0.5)
+    held = linear().holdout
+    assert held is not None
+    level = replace(held.level, formulation=setid.formulate(fast, MODEL, noise))
+    verdict = replace(linear(), holdout=replace(held, level=level)).verify()
+    assert verdict.reason == "held-out samples: the sampling time is another one"
