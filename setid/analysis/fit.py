@@ -70,6 +70,7 @@ _ULPS = 1e-12  # by which a value may change where its proof is repeated
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
 _CELLS = 0.5  # of the time, for cells of denominators
 _PART = 0.5  # of the tolerance, for them
+_WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
 _STARTS = 3  # denominators of a search that are fitted
 
 
@@ -508,21 +509,54 @@ def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint
 def _by_engine(
     known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
 ) -> OutputErrors:
-    """Bound and attain the least error, from the local fit; as it was without a finite box."""
+    """Bound and attain the least error, from the local fit.
+
+    Where priors leave no parameters within the error of the local fit, larger errors are tried.
+    """
     theta, settings, until = rest
-    formulation, norm = known.formulation, known.norm
-    given, known = known, replace(known, box=find_box(formulation, until), attained=None)
+    found = _minimised(known, outputs, rest)
+    for step in range(_WIDER):
+        refuted = found.attained is None and output_bound(found) >= found.radius
+        if not refuted or time.monotonic() >= until:
+            break
+        wider = _minimised(_within(found, found.radius * 2.0 ** (step + 1)), outputs, rest)
+        if wider.attained is None and output_bound(wider) < output_bound(found):
+            break  # time ended, or the box is not finite: what was proved is kept
+        found = wider
+    if found.radius > known.radius and found.attained is not None and time.monotonic() < until:
+        theta, outputs = _of_point(found, found.attained)
+        radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
+        again = _minimised(_within(found, radius), outputs, (theta, settings, until))
+        if again.attained is not None and output_bound(again) >= output_bound(found):
+            return again
+    return found
+
+
+def _within(known: OutputErrors, radius: float) -> OutputErrors:
+    """State the same claim for errors within another radius, without its evidence."""
+    old = known.formulation
+    formulation = stated(old.data, old.model, old.priors, radius)
+    level, cells = known.level, known.cells
+    return OutputErrors(known.norm, radius, formulation, None, None, None, level, cells)
+
+
+def _minimised(
+    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+) -> OutputErrors:
+    """Minimise the error over the box of its radius; as it was without a finite box."""
+    theta, settings, until = rest
+    given, known = known, replace(known, box=find_box(known.formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
     scaled = in_units_of(known)
     lower, upper = scaled.problem.lower, scaled.problem.upper
-    p = len(formulation.parameters)
+    p = len(known.formulation.parameters)
     if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
         return given
     point = _at_fit(known, theta, outputs)
     start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
     left = None if until == inf else max(until - time.monotonic(), 1e-3)
-    size = 2.0 * known.radius**2 if norm == "l2" else known.radius  # for a relative gap
+    size = 2.0 * known.radius**2 if known.norm == "l2" else known.radius  # for a relative gap
     options = sp.Options(
         effort="auto",
         gap=settings.tol * size / scaled.factor,

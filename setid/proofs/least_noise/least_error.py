@@ -332,6 +332,9 @@ def verify_output(
         return Verification(False, "an end is no number")
     if reason := _not_proved(found):
         return Verification(False, reason)
+    if found.box is not None and found.box.empty:  # no parameters, and no problem on the box
+        proved = lower_bound <= output_bound(found) and error == inf
+        return Verification(proved, "" if proved else "an end does not follow from an empty box")
     scaled = in_units_of(found)
     if found.certificate is not None:
         verdict = found.certificate.verify(scaled.problem)
@@ -339,15 +342,21 @@ def verify_output(
             return Verification(False, verdict.reason)
     if lower_bound > output_bound(found):
         return Verification(False, "the lower bound does not follow")
-    if error < inf:
-        point = None if found.attained is None else found.attained.recheck(scaled.problem)
-        if point is None or attained_norm(found, point.value) > error:
-            return Verification(False, "the error is not attained")
-        p = len(again.parameters)
-        units = scaled.units[:p]
-        if not admitted(again, point.x[:p] * units, point.radius * units):
-            return Verification(False, "the attained point is not what the priors mean")
-    return Verification(True)
+    reason = _not_attained(found, error) if error < inf else ""
+    return Verification(not reason, reason)
+
+
+def _not_attained(found: OutputErrors, error: float) -> str:
+    """Say why the point does not attain an error; empty where it does."""
+    scaled, formulation = in_units_of(found), found.formulation
+    point = None if found.attained is None else found.attained.recheck(scaled.problem)
+    if point is None or attained_norm(found, point.value) > error:
+        return "the error is not attained"
+    p = len(formulation.parameters)
+    units = scaled.units[:p]
+    if not admitted(formulation, point.x[:p] * units, point.radius * units):
+        return "the attained point is not what the priors mean"
+    return ""
 
 
 def _not_proved(found: OutputErrors) -> str:

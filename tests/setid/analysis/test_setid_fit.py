@@ -11,8 +11,9 @@ from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 import setid
+from setid.feasible_set.start import find_box
 from setid.proofs.cells.output_cells import CellBox, cell_box
-from setid.proofs.least_noise.least_error import Norm
+from setid.proofs.least_noise.least_error import Norm, OutputErrors, stated, verify_output
 from setid.proofs.parameter_box import start_of
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
@@ -188,3 +189,23 @@ def test_equation_errors_of_a_constant_input_are_bounded(norm: Norm, least: floa
     found = setid.fit(data, setid.TransferFunction(na=0, nb=2), norm, "equation")
     assert found.lower_bound == pytest.approx(least) and found.error == pytest.approx(least)
     assert found.verify()
+
+
+@pytest.mark.parametrize(("norm", "least"), [("linf", 1.8), ("l1", 2.8), ("l2", np.hypot(1, 1.8))])
+def test_priors_that_exclude_the_best_parameters_of_all_are_kept(norm: Norm, least: float) -> None:
+    """y = b0 u with b0 = 2 for u = 1, 2 and y = 1, 2.2; without the prior b0 is near 1."""
+    data, model = setid.IOData([1.0, 2.0], [1.0, 2.2]), setid.TransferFunction(0, 1)
+    found = setid.fit(data, model, norm, priors=setid.Known({"b0": 2.0}), options=QUICK)
+    assert found.attained and found.theta[0] == pytest.approx(2.0, abs=1e-9)
+    assert found.lower_bound <= least * (1 + 1e-12) and found.error >= least * (1 - 1e-12)
+    assert found.gap < 2e-3 and found.verify().ok
+
+
+def test_an_empty_box_proves_its_radius_alone() -> None:
+    data, model = setid.IOData([1.0, 2.0], [1.0, 2.2]), setid.TransferFunction(0, 1)
+    stated_at = stated(data, model, [setid.Known({"b0": 2.0})], 0.5)
+    known = OutputErrors("linf", 0.5, stated_at, find_box(stated_at), None, None)
+    assert known.box is not None and known.box.empty
+    assert verify_output(known, 0.5, np.inf).ok
+    for low, error in ((0.6, np.inf), (0.5, 0.5)):
+        assert not verify_output(known, low, error).ok
