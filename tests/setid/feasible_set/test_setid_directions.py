@@ -14,6 +14,7 @@ from scipy.optimize import linprog
 import setid
 import sparsepop_py as sp
 from setid.formulation.units import coupled_rows
+from setid.proofs.parameter_box import box_follows
 from sparsepop_py.uncertain_rows import directions
 from sparsepop_py.verified.uncertain_rows.directions import cubes
 
@@ -95,7 +96,7 @@ def test_the_record_is_identified_and_verified() -> None:
 def test_damaged_proofs_are_refused() -> None:
     _, known, _ = case(28)
     box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
-    assert verified(box, known, start)
+    assert verified(box, known, start) and box_follows(box, known)
     tighter = replace(box, upper=box.upper - 0.05)
     swapped = replace(box, certificates=box.certificates[::-1])
     fewer = replace(box, certificates=box.certificates[1:])
@@ -106,6 +107,7 @@ def test_damaged_proofs_are_refused() -> None:
     uncounted = replace(box, rows=(0,) * 6)
     for wrong in (tighter, swapped, fewer, shrunk, rounded, short, other, uncounted):
         assert not verified(wrong, known, start)
+        assert not box_follows(wrong, known)
 
 
 def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBox]:
