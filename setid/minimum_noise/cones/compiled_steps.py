@@ -16,6 +16,7 @@ from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
     filled,
+    is_kept,
     jit,
     load,
     spread,
@@ -23,10 +24,15 @@ from sparsepop_py.solvers.cliquetree.kernels.machine import (
     total,
 )
 
-__all__ = ["advanced", "backward", "eliminated", "forward"]
+__all__ = ["advanced", "are_kept", "backward", "eliminated", "forward"]
 
 _BLOCK = LANES * WORD
 _ROWS = 128  # whose products are added at once
+
+
+def are_kept() -> bool:
+    """Check that no step has to be compiled."""
+    return all(map(is_kept, (advanced, backward, eliminated, forward)))
 
 
 @jit

@@ -44,6 +44,7 @@ _OPEN = 1e-3  # of a target: a level with which a cone is parted
 _INFEASIBLE = 0.05  # what is left of the infeasibility of dual values, where these tell
 _LOOK = 3  # steps whose rate counts
 _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
+_COMPILATION = 40.0  # seconds of a time limit in which compilation (ten) is worth its time
 _OFTEN = 30  # programs of a process: then compiled substitution is worth its loading
 _counter = count()
 _TINY = 1e-300
@@ -99,10 +100,13 @@ class ConePrograms:
     programs : Programs
     stable : bool
         The zeros of all denominators lie in the closed unit disc.
+    time_limit : float, optional
+        Seconds of the whole search. Where they are few, nothing is compiled on a new machine.
     """
 
-    def __init__(self, programs: Programs, stable: bool) -> None:
+    def __init__(self, programs: Programs, stable: bool, time_limit: float | None = None) -> None:
         self.programs, self.stable, n = programs, stable, programs.order
+        self._compiles = time_limit is None or time_limit >= _COMPILATION
         self._rows = programs.y.size - n
         self._scale = float(programs.bound.sum())
         self._minors = stable and n > 2
@@ -143,7 +147,7 @@ class ConePrograms:
             target * self._scale,
         )
         if next(_counter) > _OFTEN:
-            program.steps = _compiled()
+            program.steps = _compiled(self._compiles)
         with np.errstate(all="ignore"):
             factor, multipliers, shares, weights = program.run(patience)
         return ConeBound(factor / self._scale, multipliers, shares * units, weights)
@@ -367,13 +371,17 @@ class _Newton:
         return _Direction(point, least, sums)
 
 
-def _compiled() -> ModuleType:
-    """Steps compiled by numba, which read factors once; by LAPACK where numba is missing."""
+def _compiled(anew: bool) -> ModuleType:
+    """Steps compiled by numba, which read factors once.
+
+    Those by LAPACK where numba is missing or has no place for its cache, and where the machine code
+    is not on disk and must not be made anew.
+    """
     try:
         from setid.minimum_noise.cones import compiled_steps
-    except ImportError:
+    except (ImportError, RuntimeError):
         return plain_steps
-    return compiled_steps
+    return compiled_steps if anew or compiled_steps.are_kept() else plain_steps
 
 
 def _remaining(reached: list[float]) -> float:

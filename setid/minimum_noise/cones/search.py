@@ -104,7 +104,7 @@ class _Search:
         self._ahead = _AHEAD * workers_of(executor) or 1  # cones that are parted together
         self._share = tol  # of the level: what may be left now
         self._until = deadline
-        self._cones = ConePrograms(programs, rows.stable)
+        self._cones = ConePrograms(programs, rows.stable, deadline.left)
         self._begin()
 
     def _begin(self) -> None:

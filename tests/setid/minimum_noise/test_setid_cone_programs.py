@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -369,7 +372,7 @@ def test_an_executor_solves_the_programs_of_several_cones(
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_steps_are_the_same_compiled_and_by_lapack(order: int) -> None:
     """From a random point inside, for each function; the factor itself is stored differently."""
-    compiled, random = linear_programs._compiled(), np.random.default_rng(3)
+    compiled, random = linear_programs._compiled(True), np.random.default_rng(3)
     size, samples = order + 1, 40
     columns = np.zeros(((samples - order) * size, 16 * size))
     columns[:, :-3] = random.standard_normal((len(columns), 16 * size - 3))
@@ -399,7 +402,7 @@ def test_directions_solve_the_equations_of_sizes() -> None:
     fixed, at = fixed_and_point(random, 3, 20, random.standard_normal((54, 16)))
     before = Sized(*random.standard_normal((4, *at.sizes.shape)))
     now, change = (Coupled(random.standard_normal(6), x) for x in (0.7, -0.3))
-    for steps in (plain_steps, linear_programs._compiled()):
+    for steps in (plain_steps, linear_programs._compiled(True)):
         reduced = steps.eliminated(at, now.weights, fixed)
         half = steps.forward(aim, at, before, now, fixed, reduced)
         _, step, least, sums = steps.backward(np.ones(16), half, at, change, fixed, reduced)
@@ -444,7 +447,7 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
     matrix = np.einsum("psi,ps,psj->ij", flat, 4.0 * down * up / (down + up), flat)
     matrix[fixed.silent, fixed.silent] = 1.0
     spread = np.einsum("psi,ps->pi", flat, w * (down - up) / (down + up))
-    for steps in (plain_steps, linear_programs._compiled()):
+    for steps in (plain_steps, linear_programs._compiled(True)):
         weights = np.linspace(1.0, 2.0, one.size)
         reduced = steps.eliminated(at, weights, fixed)
         right = np.column_stack([3.0 * spread.T, spread.sum(axis=0)]) + known[:, : one.size + 1]
@@ -472,7 +475,7 @@ def test_steps_eliminate_as_dense_matrices_do() -> None:
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_a_factor_has_room_behind_its_last_column(order: int) -> None:
     """Elimination updates as many rows as vectors are wide, by addresses that nothing checks."""
-    compiled, size, samples = linear_programs._compiled(), order + 1, 20
+    compiled, size, samples = linear_programs._compiled(True), order + 1, 20
     one, two = np.triu_indices(size)
     places = np.zeros((size, size), np.int64)
     places[one, two] = places[two, one] = np.arange(one.size)
@@ -494,14 +497,14 @@ def test_steps_say_where_a_matrix_is_singular() -> None:
         np.zeros(0, np.int64),
     )
     at = Sized(np.ones((3, 9)), *np.zeros((1, 3, 9)), *np.ones((2, 3, 9)))
-    for steps in (plain_steps, linear_programs._compiled()):
+    for steps in (plain_steps, linear_programs._compiled(True)):
         assert not steps.eliminated(at, np.ones(3), fixed).fine
 
 
 def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "setid.minimum_noise.cones.compiled_steps", None)
     monkeypatch.delattr("setid.minimum_noise.cones.compiled_steps", raising=False)
-    assert linear_programs._compiled() is plain_steps
+    assert linear_programs._compiled(True) is plain_steps
 
 
 def test_programs_that_come_slowly_are_left() -> None:
@@ -535,3 +538,62 @@ def test_an_edge_that_is_parted_without_avail_counts_less(
     assert found[0, 2] == found[2, 0] == pytest.approx(weight)
     assert found[0, 1] == pytest.approx(0.8 if weight == 0.4 else weight)
     assert np.all(before == 0.8) and np.all(search._edges(0) == 0.8)
+
+
+def test_nothing_is_compiled_in_a_short_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten seconds of compilation do not fit into a limit of two."""
+    steps = pytest.importorskip("setid.minimum_noise.cones.compiled_steps")
+    monkeypatch.setattr(steps, "are_kept", lambda: False)
+    assert linear_programs._compiled(False) is plain_steps
+    assert linear_programs._compiled(True) is steps
+    monkeypatch.setattr(steps, "are_kept", lambda: True)
+    assert linear_programs._compiled(False) is steps
+    seen: list[bool] = []
+    monkeypatch.setattr(linear_programs, "_compiled", lambda anew: seen.append(anew) or plain_steps)
+    monkeypatch.setattr(linear_programs, "_OFTEN", -1)
+    rows = rows_of(1)
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
+    for limit in (2.0, 600.0, None):
+        ConePrograms(programs, True, limit).solve(first_cones(1, True)[0], (0, 0), 0.1)
+    assert seen == [False, True, True]
+
+
+def test_machine_code_is_found_in_memory_and_on_disk(tmp_path: Path) -> None:
+    """A function that is compiled with its code on disk, in a new process, and one that is not."""
+    pytest.importorskip("numba")
+    (tmp_path / "kernels.py").write_text(
+        "from sparsepop_py.solvers.cliquetree.kernels.machine import is_kept, jit\n"
+        "@jit\ndef one(x):\n    return x + 1.0\n"
+        "@jit\ndef other(x):\n    return x + 2.0\n"
+        "print(is_kept(one), is_kept(other), one(1.0), is_kept(one), is_kept(other))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run() -> str:
+        command = [sys.executable, "-c", "import kernels"]
+        paths = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+        found = subprocess.run(
+            command,
+            env={**environment, "PYTHONPATH": paths},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return found.stdout.strip()
+
+    assert run() == "False False 2.0 True False"
+    assert run() == "True False 2.0 True False"
+
+
+def test_plain_steps_serve_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a folder for its cache numba refuses to compile."""
+    machine = pytest.importorskip("sparsepop_py.solvers.cliquetree.kernels.machine")
+
+    def refused(function: object) -> None:
+        raise RuntimeError("cannot cache function: no locator available")
+
+    monkeypatch.setattr(machine, "jit", refused)
+    monkeypatch.delitem(sys.modules, "setid.minimum_noise.cones.compiled_steps", raising=False)
+    monkeypatch.delattr("setid.minimum_noise.cones.compiled_steps", raising=False)
+    assert linear_programs._compiled(True) is plain_steps

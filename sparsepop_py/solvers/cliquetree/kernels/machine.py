@@ -10,6 +10,7 @@ addresses in bytes; between these they are added and multiplied like numbers.
 from __future__ import annotations
 
 import operator
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
@@ -26,8 +27,8 @@ from numba.extending import (
     register_model,
 )
 
-__all__ = ["LANES", "WORD", "all_positive", "filled", "inline", "jit", "largest", "load", "root"]
-__all__ += ["routine", "spread", "store", "total"]
+__all__ = ["LANES", "WORD", "all_positive", "filled", "inline", "is_kept", "jit", "largest", "load"]
+__all__ += ["root", "routine", "spread", "store", "total"]
 
 LANES = 8  # doubles of a vector
 WORD = 8  # bytes of a double
@@ -43,6 +44,24 @@ _intrinsic: Any = intrinsic
 def jit(function: Any) -> Any:
     """Compile a function at its first call; keep it on disk, without Python's lock."""
     return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+
+
+def is_kept(function: Any) -> bool:
+    """Check that a function of :func:`jit` is compiled, or its machine code on disk.
+
+    Parameters
+    ----------
+    function : callable
+    """
+    if function.signatures:
+        return True
+    made = function.py_func
+    try:
+        written = Path(made.__code__.co_filename).stat().st_mtime
+        found = Path(function.stats.cache_path).glob(f"*.{made.__name__}-*.nbi")
+        return any(path.stat().st_mtime >= written for path in found)
+    except OSError:
+        return False
 
 
 def inline(function: Any) -> Any:
