@@ -544,9 +544,11 @@ class Polynomial:
         """Exponents as a sparse integer matrix (T, n), rows in graded order."""
         return monomials.to_exponents(self.words, self.dimension)
 
-    @cached_property
+    @property
     def degree(self) -> int:
         """Total degree; 0 for constants and for the zero polynomial."""
+        if self.words.shape[1] == 1:  # a fast answer for linear rows, of which there are many
+            return int(self.words.any())
         return int(monomials.degrees(self.words).max(initial=0))
 
     @property
