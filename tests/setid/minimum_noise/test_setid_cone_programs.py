@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import product
@@ -542,7 +543,9 @@ def test_an_edge_that_is_parted_without_avail_counts_less(
 
 def test_nothing_is_compiled_in_a_short_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten seconds of compilation do not fit into a limit of two."""
-    steps = pytest.importorskip("setid.minimum_noise.cones.compiled_steps")
+    steps = pytest.importorskip(
+        "setid.minimum_noise.cones.compiled_steps", reason="numba is an optional extra, fast"
+    )
     monkeypatch.setattr(steps, "are_kept", lambda: False)
     assert linear_programs._compiled(False) is plain_steps
     assert linear_programs._compiled(True) is steps
@@ -560,7 +563,7 @@ def test_nothing_is_compiled_in_a_short_time(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_machine_code_is_found_in_memory_and_on_disk(tmp_path: Path) -> None:
     """A function that is compiled with its code on disk, in a new process, and one that is not."""
-    pytest.importorskip("numba")
+    pytest.importorskip("numba", reason="numba is an optional extra, fast")
     (tmp_path / "kernels.py").write_text(
         "from sparsepop_py.solvers.cliquetree.kernels.machine import is_kept, jit\n"
         "@jit\ndef one(x):\n    return x + 1.0\n"
@@ -584,11 +587,16 @@ def test_machine_code_is_found_in_memory_and_on_disk(tmp_path: Path) -> None:
 
     assert run() == "False False 2.0 True False"
     assert run() == "True False 2.0 True False"
+    later = time.time() + 60.0  # the source was written again
+    os.utime(tmp_path / "kernels.py", (later, later))
+    assert run() == "False False 2.0 True False"
 
 
 def test_plain_steps_serve_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a folder for its cache numba refuses to compile."""
-    machine = pytest.importorskip("sparsepop_py.solvers.cliquetree.kernels.machine")
+    machine = pytest.importorskip(
+        "sparsepop_py.solvers.cliquetree.kernels.machine", reason="numba is an optional extra, fast"
+    )
 
     def refused(function: object) -> None:
         raise RuntimeError("cannot cache function: no locator available")
