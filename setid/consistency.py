@@ -35,7 +35,7 @@ from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
-from setid.options import Options, with_executor
+from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.denominator_cells import DenominatorCells, output_rows
@@ -264,12 +264,9 @@ def consistency(
     >>> found.explains, bool(found.verify())
     (True, True)
     """
-    settings = options or Options(time_limit=60.0)
-    for name, found, kind in (("options", settings, Options), ("noise", noise, Noise)):
-        if not isinstance(found, kind):
-            raise SetidError(
-                f"{name}: found {type(found).__name__}, expected setid.{kind.__name__}"
-            )
+    settings = checked_options(options, Options(time_limit=60.0))
+    if not isinstance(noise, Noise):
+        raise SetidError(f"noise: found {type(noise).__name__}, expected setid.Noise")
     check_channels(data, model)
     settings, until = with_executor(settings, executor), settings.deadline()
     if noise.constraints:

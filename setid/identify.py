@@ -53,6 +53,7 @@ from setid.minimum_noise.conflicting_samples import conflicting_rows, conflictin
 from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
+from setid.models.general import from_unknown_start
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
@@ -72,7 +73,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
-from setid.result.holdout import Holdout, held_out, members
+from setid.result.holdout import Holdout, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
@@ -215,7 +216,7 @@ def _held_out(
     given = members(known, found.intervals)
     left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
-    goes_on = held_out(known.model)
+    goes_on = from_unknown_start(known.model)  # a part goes on from the one before it
     level = consistency(rest, goes_on, other, given, replace(settings, time_limit=left))
     return replace(found, holdout=Holdout(level))
 

@@ -13,14 +13,13 @@ from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.printing import rounded
 from setid.models.continuous import without_delta
-from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
 from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
 
-__all__ = ["Holdout", "held_out", "members", "stated"]
+__all__ = ["Holdout", "members", "stated"]
 
 Intervals = Mapping[str, ParameterInterval]
 
@@ -109,18 +108,6 @@ def members(known: Formulation, intervals: Intervals) -> list[Any]:
     return [*known.priors, *([Box(ends)] if ends else [])]
 
 
-def held_out(model: Structure) -> Structure:
-    """Change a structure to that of held-out samples, before which signals are unknown.
-
-    A part of a record goes on from the part before it, also where the record begins at rest.
-
-    Parameters
-    ----------
-    model : Structure
-    """
-    return from_unknown_start(model)
-
-
 def stated(
     known: Formulation, intervals: Intervals, data: IOData, noise: Noise, limit: float
 ) -> Formulation:
@@ -138,7 +125,8 @@ def stated(
     limit : float
         The factor.
     """
-    model, given = held_out(known.model), members(known, intervals)
+    model = from_unknown_start(known.model)  # a part goes on from the one before it
+    given = members(known, intervals)
     return formulate(data, without_delta(model), scaled_noise(noise.bounds(data), limit), given)
 
 
