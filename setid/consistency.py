@@ -37,8 +37,8 @@ from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
+from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
 from setid.proofs.evidence import Verification
-from setid.proofs.least_noise.denominator_cells import DenominatorCells, output_rows
 from setid.proofs.least_noise.noise_scale import (
     NoiseScale,
     admitted_point,

@@ -37,6 +37,7 @@ from setid.feasible_points.cascades import (
     cascade_ends,
     cascade_of,
     is_cascade,
+    on_box,
     point_of,
     tightened_cascade,
 )
@@ -49,6 +50,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
 from setid.identifiability.reference import reference_model, refuse
+from setid.minimum_noise.cones.feasible_box import denominator_box
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
@@ -60,6 +62,7 @@ from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
+from setid.proofs.row_boxes import RowBox
 from setid.proofs.simulated.outputs import Recursion, recursion_of
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
@@ -101,6 +104,8 @@ _MANY = 200  # equations beyond which records of noisy outputs are simulated fir
 _CELLS = 2000  # regions that are parted at most
 _REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
 _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
+_CONES = 0.7  # of the time, for cones of denominators
+_ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
@@ -520,7 +525,10 @@ def _by_simulation(
     near = inf if is_cascade(formulation) else _NEAR
     deadline, tol = task.deadline.part(share), task.settings.tol
     tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
-    tightened = task.kept("cells", tighten, None)
+    tightened: ProvedBox | None = task.kept("cells", tighten, None)
+    if not is_cascade(formulation) and found.ends and (tightened is None or tightened.cut_short):
+        cones = partial(_by_denominators, formulation, task, found, box, deadline.part(_CONES))
+        tightened = task.kept("cones", cones, None) or tightened
     if tightened is not None and tightened.empty:
         return task.empty(formulation, Outcome(box=tightened, notes=notes))
     if tightened is None or tightened.cut_short:
@@ -536,6 +544,26 @@ def _by_simulation(
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
+
+
+def _by_denominators(
+    formulation: Formulation,
+    task: _Task,
+    found: CascadeEnds,
+    box: ProvedBox | None,
+    deadline: Deadline,
+) -> ProvedBox | None:
+    """A box from cones of denominators, and from one region where time ended before the gains'."""
+    count, tol = len(formulation.parameters), _ENDS * task.settings.tol
+    points = np.array(found.ends)[:, :count]
+    attained = points.min(axis=0), points.max(axis=0)
+    executor = task.settings.for_engine().executor
+    if not isinstance(box, RowBox | None):
+        return None
+    cones = denominator_box(formulation, box, attained, tol, deadline, executor)
+    if cones is None or cones.empty or not cones.cut_short:
+        return cones
+    return tightened_cascade(on_box(found, cones), cones, tol, task.deadline, 0) or cones
 
 
 def _report(formulation: Formulation, task: _Task, items: Sequence[ParameterInterval]) -> None:

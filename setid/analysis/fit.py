@@ -37,9 +37,9 @@ from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options
 from setid.priors.base import Prior, listed
+from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import proved_point
-from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.least_noise.least_error import (
     Multipliers,
     Norm,

@@ -7,7 +7,7 @@ from the few parameters, so that the parameters alone are searched and parted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan
 
 import numpy as np
@@ -33,6 +33,7 @@ __all__ = [
     "cascade_ends",
     "cascade_of",
     "is_cascade",
+    "on_box",
     "tightened_cascade",
     "point_of",
 ]
@@ -137,6 +138,20 @@ def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | 
         past.append(outputs[known.begin - known.lower.size : known.begin, channel[1]])
     x = np.concatenate([theta, *past])
     return x if np.all(np.isfinite(x)) else None
+
+
+def on_box(found: CascadeEnds, box: ProvedBox) -> CascadeEnds:
+    """Return the same ends, to be compared with simulations over a smaller box.
+
+    Parameters
+    ----------
+    found : CascadeEnds
+    box : ProvedBox
+        That holds the ends.
+    """
+    fitting = found.fitting
+    ends = fitting.parts.box(*_ends(fitting.formulation, box))
+    return replace(found, fitting=Fitting(fitting.formulation, fitting.parts, *ends))
 
 
 def tightened_cascade(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from setid.feasible_set.proposer import Proposer
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.row_boxes import RowBox
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces
@@ -65,7 +66,7 @@ def simulated_box(
     formulation: Formulation,
     parts: Recursion,
     box: tuple[Reals, Reals],
-    first: CellBox | RowBox | None,
+    first: CellBox | DenominatorBox | RowBox | None,
     directions: Reals,
     attained: tuple[Reals, Reals] | None,
     tol: float,
@@ -81,7 +82,7 @@ def simulated_box(
     parts : Recursion
     box : (lower, upper), each (d,) float
         Of the parameters, and of first samples that no equation gives.
-    first : CellBox, ParameterBox, DirectionBox, LiftedBox or None
+    first : CellBox, DenominatorBox, ParameterBox, DirectionBox, LiftedBox or None
         What proved the box, where priors alone do not.
     directions : (q, d) float
     attained : (lower, upper), each (p,) float, or None

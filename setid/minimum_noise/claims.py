@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     DenominatorCells,
     OutputRows,
     VaryingLeaf,
 )
-from setid.proofs.least_noise.varying_multipliers import VaryingCells
+from setid.proofs.denominators.varying_multipliers import VaryingCells
 
 __all__ = ["FoundDenominators", "claimed"]
 

@@ -20,6 +20,7 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.parameter_box import ProvedBox, problem_on_box, product_rows, start_of
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.uncertain_rows.lifted_products import lifted_box
@@ -41,7 +42,7 @@ def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
     Parameters
     ----------
     formulation : Formulation
-    box : ParameterBox, DirectionBox, LiftedBox, CellBox or SimulatedBox
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox, DenominatorBox or SimulatedBox
         Proved empty. Its last programs say which rows they use, but the box on which they stand
         may rest on others.
 
@@ -51,7 +52,7 @@ def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
         From 1; none where the rows of these programs are not enough.
     """
     known, smoothed = _known(formulation), formulation.smoothed
-    if isinstance(box, CellBox | SimulatedBox) or known is None:
+    if isinstance(box, CellBox | DenominatorBox | SimulatedBox) or known is None:
         return ()
     if isinstance(box, LiftedBox):
         found = _keys(box, known) if isinstance(known, ProductRows) else []
@@ -63,7 +64,7 @@ def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
 
 def _keys(box: ProvedBox, rows: Known) -> list[tuple[int, int]]:
     """(record, sample) of the rows that prove emptiness, most frequent first."""
-    assert not isinstance(box, CellBox | SimulatedBox)
+    assert not isinstance(box, CellBox | DenominatorBox | SimulatedBox)
     known = rows.regression if isinstance(rows, ProductRows) else rows
     assert isinstance(known, Regression)
     count: dict[tuple[int, int], int] = {}

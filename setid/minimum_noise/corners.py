@@ -3,7 +3,7 @@
 For one denominator the least sum of the sizes of errors is a linear program, and its dual solution
 a multiplier, 1 or -1 at most samples. Hence a multiplier lets more noise through at once where the
 denominator is another one. A cone is bounded by the family of the multipliers at
-its vectors (:mod:`setid.proofs.least_noise.varying_multipliers`), which follow the denominator, so
+its vectors (:mod:`setid.proofs.denominators.varying_multipliers`), which follow the denominator, so
 that the gap is of second order in the width of the cone. Cones with the least bound are parted
 first, at the pair of vectors that says least.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
 from setid.minimum_noise.programs import Programs, shifted
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     Cone,
     OutputRows,
@@ -28,7 +28,7 @@ from setid.proofs.least_noise.denominator_cells import (
     let_through,
     parted_cone,
 )
-from setid.proofs.least_noise.varying_multipliers import VaryingCells, pairs
+from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
 from sparsepop_py.budget import Deadline
 
 __all__ = ["by_corners"]

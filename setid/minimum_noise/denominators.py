@@ -23,7 +23,7 @@ from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, longest_stretches, shifted
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     Cone,
     DenominatorCells,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from setid.minimum_noise.exchanges import Approximation, approximated
-from setid.proofs.least_noise.denominator_cells import OutputRows
+from setid.proofs.denominators.denominator_cells import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
 __all__ = ["Programs", "longest_stretches", "shifted"]
@@ -87,6 +87,31 @@ class Programs:
         self.free = self._free() if complete else None
         self.basis = np.zeros((self.y.size - n, self.known.shape[1]))
         self.basis[self._heard] = np.linalg.qr(self.known)[0]
+
+    def basis_without(self, gain: int | None) -> Reals:
+        """Orthonormal columns (S - n, c - 1) without the one of a gain; all for None.
+
+        Parameters
+        ----------
+        gain : int or None
+        """
+        if gain is None:
+            return self.basis
+        others = np.delete(self.known, gain, axis=1)
+        found = np.zeros((self.y.size - self.order, others.shape[1]))
+        found[self._heard] = np.linalg.qr(others)[0]
+        return found
+
+    def column(self, gain: int) -> Reals:
+        """The known column of a gain at the samples (S,) that rows give.
+
+        Parameters
+        ----------
+        gain : int
+        """
+        found = np.zeros(self.y.size)
+        found[self.order :][self._heard] = self.known[:, gain]
+        return found
 
     def _free(self) -> Integers:
         order = qr(self.known.T, mode="r", pivoting=True)[1]

@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.row_boxes import RowBox, product_rows, rows_prove
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
+    "DenominatorBox",
     "DirectionBox",
     "ParameterBox",
     "ProvedBox",
@@ -24,13 +26,13 @@ __all__ = [
     "start_of",
 ]
 
-ProvedBox = RowBox | CellBox | SimulatedBox  # of parameters, from the data
+ProvedBox = RowBox | CellBox | DenominatorBox | SimulatedBox  # of parameters, from the data
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     """Check a box against data and priors, without any solver."""
     start = start_of(formulation)
-    if isinstance(box, CellBox | SimulatedBox):
+    if isinstance(box, CellBox | DenominatorBox | SimulatedBox):
         return box.verify(formulation, start)
     return rows_prove(box, formulation, start)
 

@@ -27,9 +27,10 @@ from setid.models.block import BlockStructured
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.denominators.denominator_box import DenominatorBox, Limit
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, VaryingLeaf
+from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.least_noise.denominator_cells import Cell, DenominatorCells, VaryingLeaf
-from setid.proofs.least_noise.varying_multipliers import VaryingCells
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
@@ -63,6 +64,8 @@ _OTHERS: tuple[type, ...] = (
     CoefficientLimit,
     DenominatorCells,
     VaryingCells,
+    DenominatorBox,
+    Limit,
     Cell,
     VaryingLeaf,
     sp.LinearBound,

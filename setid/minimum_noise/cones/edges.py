@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["changing_edge", "edge_weights", "handed_on", "monic"]
+__all__ = ["changing_edge", "edge_weights", "handed_on", "long_edge", "monic"]
 
 Reals = NDArray[np.float64]
 _LAST = 4  # of the multipliers that a cone hands on
@@ -13,6 +13,7 @@ _POOL = 10  # that it hands on
 _UNEVEN = 24  # largest power of two between the weights of an edge
 _EVEN, _SHARE = 0.01, 1e-3  # of each edge, and of each vector, beside those of the dual solution
 _LITTLE, _MOVED = 1.0, 6.0  # powers of two between shares that do not count, and most that do
+_LEAST = 1e-300
 _INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
@@ -70,6 +71,34 @@ def changing_edge(
     more = moved[i] - moved[j]
     more = np.sign(more) * np.clip(abs(more) - _LITTLE, 0.0, _MOVED)
     return i, j, edge_weights(float(np.log2(sizes[j] / sizes[i]) + more))
+
+
+def long_edge(
+    coefficients: Reals, filtered: Reals, sizes: Reals, bound: Reals, products: Reals
+) -> tuple[int, int] | None:
+    """Choose an edge that is long, changes the multiplier, and is hard to refute.
+
+    Parameters
+    ----------
+    coefficients : (K, n) float
+        a_1 / a_0, ..., a_n / a_0 of the vectors, in widths of the feasible set.
+    filtered, sizes, bound
+        As of :func:`changing_edge`.
+    products : (K, K) float
+        Dual solution, as there; here with its root.
+
+    Returns
+    -------
+    (int, int) or None
+        Numbers of the vectors; None where all are the same.
+    """
+    scaled = filtered / sizes[:, None]
+    apart = np.abs(scaled[:, None] - scaled[None]) @ bound
+    length = np.abs(coefficients[:, None] - coefficients[None]).max(axis=2)
+    hard = np.sqrt(products / max(float(products.max()), _LEAST) + _SHARE)
+    value = length / max(float(length.max()), _LEAST) * apart * hard
+    i, j = (int(k) for k in np.unravel_index(int(np.argmax(value)), value.shape))
+    return None if i == j else (i, j)
 
 
 def edge_weights(uneven: float) -> tuple[int, int]:

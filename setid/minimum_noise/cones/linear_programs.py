@@ -1,6 +1,6 @@
 """The largest noise that multipliers refute in a cone of denominators: a linear program.
 
-The notation is that of ``proofs/least_noise/varying_multipliers.py``: a cone is spanned by vectors
+The notation is that of ``proofs/denominators/varying_multipliers.py``: a cone is spanned by vectors
 v_j, each with a multiplier lambda_j. For a target tau of the factor on the noise bounds w the
 program is
 
@@ -32,16 +32,14 @@ from numpy.typing import NDArray
 from setid.minimum_noise.cones import plain_steps
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
 from setid.minimum_noise.programs import Programs
-from setid.proofs.least_noise.denominator_cells import Cone
-from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
+from setid.proofs.denominators.denominator_cells import Cone
+from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
-__all__ = ["ConeBound", "ConePrograms"]
+__all__ = ["EXACT", "QUICK", "ConeBound", "ConePrograms", "Effort"]
 
 Reals = NDArray[np.float64]
 _STEPS = 50
 _INSIDE = 0.98  # of a step to the boundary
-_OPEN = 1e-3  # of a target: a level with which a cone is parted
-_INFEASIBLE = 0.05  # what is left of the infeasibility of dual values, where these tell
 _LOOK = 3  # steps whose rate counts
 _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
 _COMPILATION = 40.0  # seconds of a time limit in which compilation (ten) is worth its time
@@ -49,6 +47,28 @@ _OFTEN = 30  # programs of a process: then compiled substitution is worth its lo
 _counter = count()
 _TINY = 1e-300
 _FILL = 16  # columns together, for compiled steps
+
+
+class Effort(NamedTuple):
+    """When a program is given up.
+
+    Parameters
+    ----------
+    level : float
+        Of the target: a level with which a cone is parted.
+    infeasible : float
+        What is left of the infeasibility of dual values, where these tell.
+    patience : float
+        Steps in which the target has to be reached at the present rate.
+    """
+
+    level: float
+    infeasible: float
+    patience: float
+
+
+QUICK = Effort(1e-3, 0.05, 8.0)  # parting a cone is cheaper than many steps
+EXACT = Effort(1e-6, 1e-4, 40.0)  # near feasible denominators parting does little
 
 
 class ConeBound(NamedTuple):
@@ -102,23 +122,34 @@ class ConePrograms:
         The zeros of all denominators lie in the closed unit disc.
     time_limit : float, optional
         Seconds of the whole search. Where they are few, nothing is compiled on a new machine.
+    effort : Effort
+    gain : int, optional
+        Number of a known column to which multipliers need not be orthogonal.
     """
 
-    def __init__(self, programs: Programs, stable: bool, time_limit: float | None = None) -> None:
+    def __init__(
+        self,
+        programs: Programs,
+        stable: bool,
+        time_limit: float | None = None,
+        effort: Effort = QUICK,
+        gain: int | None = None,
+    ) -> None:
         self.programs, self.stable, n = programs, stable, programs.order
+        self.effort, self.gain, self.basis = effort, gain, programs.basis_without(gain)
         self._compiles = time_limit is None or time_limit >= _COMPILATION
         self._rows = programs.y.size - n
         self._scale = float(programs.bound.sum())
         self._minors = stable and n > 2
-        known, first = programs.basis.shape[1], len(pairs(n + 1)) + 1
+        known, first = self.basis.shape[1], len(pairs(n + 1)) + 1
         self._used = first + (n + 1) * known
         columns = np.zeros((self._rows, n + 1, -(-self._used // _FILL) * _FILL))
         for k in range(n + 1):
-            columns[:, k, first + k * known : first + (k + 1) * known] = programs.basis
+            columns[:, k, first + k * known : first + (k + 1) * known] = self.basis
         self._columns = columns.reshape(self._rows * (n + 1), -1)
 
     def solve(
-        self, cone: Cone, powers: tuple[int, ...], target: float, patience: float = inf
+        self, cone: Cone, powers: tuple[int, ...], target: float, value: float = 0.0
     ) -> ConeBound:
         """Refute a target in a cone, or find that it cannot be refuted there.
 
@@ -130,8 +161,8 @@ class ConePrograms:
             Each vector is divided by 2 to this power.
         target : float
             Positive; factor on the noise bounds.
-        patience : float
-            Steps in which the target has to be reached at the present rate.
+        value : float
+            Of the gain, for which there are known outputs then.
         """
         vectors = np.ldexp(cone.astype(np.float64), -np.array(powers)[:, None])
         minors, units = np.zeros((0, len(pairs(len(cone))))), np.zeros(0)
@@ -146,10 +177,12 @@ class ConePrograms:
             minors * units[:, None],
             target * self._scale,
         )
+        if self.gain is not None:
+            program.drive(value * self.programs.column(self.gain))
         if next(_counter) > _OFTEN:
             program.steps = _compiled(self._compiles)
         with np.errstate(all="ignore"):
-            factor, multipliers, shares, weights = program.run(patience)
+            factor, multipliers, shares, weights = program.run(self.effort)
         return ConeBound(factor / self._scale, multipliers, shares * units, weights)
 
 
@@ -179,7 +212,15 @@ class _Program:
         self.fixed = Fixed(w, target, vectors, places, columns, silent)
         self._rows = programs.y.size - programs.order
 
-    def run(self, patience: float) -> tuple[float, Reals, Reals, Reals]:
+    def drive(self, outputs: Reals) -> None:
+        """Take known outputs (S,) off the readings that the first coefficients multiply."""
+        first = np.zeros_like(self.fixed.vectors)
+        first[:, 0] = self.fixed.vectors[:, 0]
+        off = paired_columns(np.tile(outputs, (self.count, 1)), first).T
+        off[self.fixed.silent] = 0.0
+        self.fixed.columns[:, : self.count] += off
+
+    def run(self, effort: Effort) -> tuple[float, Reals, Reals, Reals]:
         """Return the factor, multipliers, shares of minors and dual weights."""
         at, target = self._start(), self.fixed.target
         nothing = np.zeros(self.count), np.zeros(self.fixed.columns.shape[1])
@@ -200,9 +241,9 @@ class _Program:
             if factor >= target * _OVER:
                 break
             reached.append(best[0] / target)
-            if infeasible < _INFEASIBLE and at.coupled.dual_level < _OPEN * target:
+            if infeasible < effort.infeasible and at.coupled.dual_level < effort.level * target:
                 break
-            if _remaining(reached) > patience:
+            if _remaining(reached) > effort.patience:
                 break
         return (*best[:3], at.coupled.weights)
 

@@ -14,15 +14,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
-from setid.proofs.least_noise.denominator_cells import Cone, VaryingLeaf
-from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
+from setid.proofs.denominators.denominator_cells import Cone, VaryingLeaf
+from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
 __all__ = ["ConeNode", "Examined", "examined", "first_node"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _LEAST = 1e-200  # size of a vector
-_PATIENCE = 8.0  # steps of a linear program: where parting a cone is cheaper
 _ALMOST_STABLE = 1.0 + 1e-4
 
 
@@ -63,6 +62,15 @@ class ConeNode(NamedTuple):
         if self.centre is None:
             return np.abs(cone).max(axis=1)
         return np.maximum(np.abs(cone @ self.centre) @ bound, _LEAST)
+
+    def powers(self, bound: Reals) -> tuple[int, ...]:
+        """Powers of two that are nearest to the sizes.
+
+        Parameters
+        ----------
+        bound : (S,) float
+        """
+        return tuple(int(p) for p in np.round(np.log2(self.sizes(bound))))
 
 
 class Examined(NamedTuple):
@@ -113,10 +121,10 @@ def examined(task: tuple[ConePrograms, ConeNode, float]) -> Examined:
     tried, level = None, np.inf
     if not node.centred:
         node, tried, level = _centred(solver, node)
-    powers = tuple(int(p) for p in np.round(np.log2(node.sizes(solver.programs.bound))))
+    powers = node.powers(solver.programs.bound)
     unstable, bound = _unstable(solver, node.cone, powers), None
     if unstable is None:
-        bound = solver.solve(node.cone, powers, target, _PATIENCE)
+        bound = solver.solve(node.cone, powers, target)
         products = np.zeros((len(node.cone), len(node.cone)))
         products[tuple(np.array(pairs(len(node.cone))).T)] = bound.weights
         node = node._replace(products=products + products.T)

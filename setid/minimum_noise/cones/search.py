@@ -22,17 +22,18 @@ from numpy.typing import NDArray
 from setid.minimum_noise.attained_noise import AttainedNoise
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import changing_edge
+from setid.minimum_noise.cones.limits import orthogonal
 from setid.minimum_noise.cones.linear_programs import ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     OutputRows,
     VaryingLeaf,
     first_cones,
     parted_cone,
 )
-from setid.proofs.least_noise.varying_multipliers import VaryingCells
+from setid.proofs.denominators.varying_multipliers import VaryingCells
 from sparsepop_py.budget import Deadline
 from sparsepop_py.errors import SparsePOPError
 from sparsepop_py.executors.dispatch import map_in_order, workers_of
@@ -172,20 +173,13 @@ class _Search:
             return
         if one.bound.factor > self._proved[number]:
             first, size = len(self._multipliers), len(one.node.cone)
-            self._multipliers += list(self._orthogonal(one.bound.multipliers))
+            self._multipliers += list(orthogonal(one.bound.multipliers, self._programs.basis))
             family = tuple(range(first, first + size))
             minors = tuple(one.bound.minors.tolist())
             self._leaves[number] = VaryingLeaf((family,), (1.0,), one.powers, minors)
             self._proved[number] = one.bound.factor
         if self._proved[number] < target:
             self._failed[number] = target
-
-    def _orthogonal(self, multipliers: Reals) -> Reals:
-        """Take rounding out of the products with the columns."""
-        basis = self._programs.basis
-        for _ in range(2):
-            multipliers = multipliers - (multipliers @ basis) @ basis.T
-        return multipliers
 
     def run(self, output: int) -> FoundDenominators:
         """Part cones until all are refuted, or time or memory ends; state what is refuted.

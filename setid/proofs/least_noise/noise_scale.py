@@ -13,9 +13,9 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import in_units
+from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted, proved_point
-from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.parameter_box import ProvedBox, box_follows
 from sparsepop_py.algebra.polynomial_rows import polynomial_rows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.row_boxes import RowBox, rows_prove
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
@@ -148,7 +149,7 @@ class SimulatedBox(Bounds):
     ----------
     names, lower, upper
         As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
-    first : CellBox, ParameterBox, DirectionBox, LiftedBox or None
+    first : CellBox, DenominatorBox, ParameterBox, DirectionBox, LiftedBox or None
         A box to begin with, where the priors give no finite one.
     directions : (q, d) float
         Along which regions are bounded besides the parameters and first samples.
@@ -158,7 +159,7 @@ class SimulatedBox(Bounds):
         Whether time sufficed; says nothing that is trusted.
     """
 
-    first: CellBox | RowBox | None
+    first: CellBox | DenominatorBox | RowBox | None
     directions: Reals
     nodes: tuple[TreeNode, ...]
     complete: bool = True
@@ -226,8 +227,10 @@ class SimulatedBox(Bounds):
         return f"{self.leaves} cells, {Bounds._text(self)}"
 
 
-def _first_follows(first: CellBox | RowBox, formulation: Formulation, start: Reals) -> bool:
-    if isinstance(first, CellBox):
+def _first_follows(
+    first: CellBox | DenominatorBox | RowBox, formulation: Formulation, start: Reals
+) -> bool:
+    if isinstance(first, CellBox | DenominatorBox):
         return first.verify(formulation, start)
     return rows_prove(first, formulation, start)
 

@@ -26,7 +26,7 @@ from setid.minimum_noise.cones.nodes import Examined
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     Cone,
     OutputRows,
@@ -34,7 +34,7 @@ from setid.proofs.least_noise.denominator_cells import (
     output_rows,
     parted_cone,
 )
-from setid.proofs.least_noise.varying_multipliers import hurwitz_minors, pairs
+from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.processes import Processes
 

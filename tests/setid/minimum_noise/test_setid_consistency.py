@@ -18,9 +18,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import setid
 from setid.minimum_noise.factor import least_factor
-from setid.proofs.least_noise.denominator_cells import DenominatorCells
+from setid.proofs.denominators.denominator_cells import DenominatorCells
+from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.least_noise.noise_scale import attained_factor
-from setid.proofs.least_noise.varying_multipliers import VaryingCells
 from sparsepop_py.executors.processes import Processes
 
 FIRST = setid.TransferFunction(1, 1)

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 import setid
 from setid.minimum_noise.denominators import least_output_noise
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     DenominatorCells,
     _inverse,

@@ -13,7 +13,7 @@ import setid
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     DenominatorCells,
     OutputRows,
@@ -21,7 +21,7 @@ from setid.proofs.least_noise.denominator_cells import (
     first_cones,
     output_rows,
 )
-from setid.proofs.least_noise.varying_multipliers import VaryingCells, hurwitz_minors, pairs
+from setid.proofs.denominators.varying_multipliers import VaryingCells, hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 
 FIRST = setid.TransferFunction(na=1, nb=1, nk=1)

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.proofs.least_noise.denominator_cells import (
+from setid.proofs.denominators.denominator_cells import (
     Cell,
     Cone,
     DenominatorCells,
@@ -81,21 +81,38 @@ class VaryingCells(DenominatorCells):
     ) -> bool:
         if not isinstance(cell, VaryingLeaf):
             return DenominatorCells._refutes(self, rows, doubt, cone, cell)
-        if not _is_well_formed(cell, len(cone), len(self.multipliers), rows):
-            return False
-        vectors = np.ldexp(cone.astype(np.float64), -np.array(cell.powers)[:, None])
-        if not is_ordinary(vectors):
-            return False
-        families = np.array(cell.used, np.int64).reshape(-1, len(cone))
-        needed, noise = _sides(rows, self.multipliers, doubt, vectors, families)
-        minors = np.zeros((0, needed.shape[1]))
-        if cell.minors:
-            minors = hurwitz_minors(cone, cell.powers)
-        weights = np.concatenate([cell.shares, -np.array(cell.minors)])
-        return _exceeds(weights, np.vstack([needed, minors]), np.abs(cell.shares) @ noise)
+        return family_refutes(rows, self.multipliers, doubt, cone, cell)
 
 
-def _is_well_formed(leaf: VaryingLeaf, vectors: int, multipliers: int, rows: OutputRows) -> bool:
+def family_refutes(
+    rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone, leaf: VaryingLeaf
+) -> bool:
+    """Check that families of multipliers leave no denominator of a cone.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    multipliers : (M, N) float
+    doubts : (M, N) float
+        How far each may be from one that is orthogonal to the columns.
+    cone : (K, n + 1) int
+    leaf : VaryingLeaf
+    """
+    if not is_well_formed(leaf, len(cone), len(multipliers), rows):
+        return False
+    vectors = np.ldexp(cone.astype(np.float64), -np.array(leaf.powers)[:, None])
+    if not is_ordinary(vectors):
+        return False
+    families = np.array(leaf.used, np.int64).reshape(-1, len(cone))
+    needed, noise = sides(rows, multipliers, doubts, vectors, families)
+    minors = np.zeros((0, needed.shape[1]))
+    if leaf.minors:
+        minors = hurwitz_minors(cone, leaf.powers)
+    weights = np.concatenate([leaf.shares, -np.array(leaf.minors)])
+    return exceeds(weights, np.vstack([needed, minors]), np.abs(leaf.shares) @ noise)
+
+
+def is_well_formed(leaf: VaryingLeaf, vectors: int, multipliers: int, rows: OutputRows) -> bool:
     """Check numbers, weights and powers of a leaf."""
     numbers = [number for family in leaf.used for number in family]
     if len(leaf.shares) != len(leaf.used) or len(leaf.powers) != vectors:
@@ -153,7 +170,7 @@ def hurwitz_minors(cone: Cone, powers: tuple[int, ...]) -> Reals:
     return np.array([[at(r, j, k) for j, k in pairs(n + 1)] for r in range(1, n - 1)])
 
 
-def _sides(
+def sides(
     rows: OutputRows, multipliers: Reals, doubts: Reals, vectors: Reals, families: NDArray[np.int64]
 ) -> tuple[Reals, Reals]:
     """Compute what rows need, and what noise and rounding can give, (m, pairs) each."""
@@ -169,7 +186,7 @@ def _sides(
     return needed, noise
 
 
-def _exceeds(weights: Reals, needed: Reals, noise: Reals) -> bool:
+def exceeds(weights: Reals, needed: Reals, noise: Reals) -> bool:
     """Check that a weighted sum (pairs,) exceeds noise at each pair, rounding included."""
     rounding = (weights.size + 8) * _UNIT
     with np.errstate(over="ignore", invalid="ignore"):

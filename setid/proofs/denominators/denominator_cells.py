@@ -28,6 +28,7 @@ of a Hurwitz polynomial (A. T. Fam, J. S. Meditch, *IEEE Trans. Automatic Contro
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -39,7 +40,7 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.models.equations import Equation, channel_of
+from setid.models.equations import Equation, Term, channel_of
 from setid.models.lti import TransferFunction
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "DenominatorCells",
     "OutputRows",
     "VaryingLeaf",
+    "doubts",
     "first_cones",
     "is_ordinary",
     "is_refuted",
@@ -84,6 +86,10 @@ class OutputRows(NamedTuple):
         Whether a prior has the zeros of the denominator in the closed unit disc.
     norm : {"linf", "l2", "l1"}
         In which the noise, each sample in parts of its bound, is at most 1.
+    own : tuple of str
+        The parameter that is the coefficient of each lag 1, ..., n; "" where it is none alone.
+    gains : tuple of (str, int)
+        For each known column the parameter that is its coefficient, times 1 or -1; "" as above.
     """
 
     order: int
@@ -93,6 +99,8 @@ class OutputRows(NamedTuple):
     known: Reals
     stable: bool
     norm: Literal["linf", "l2", "l1"] = "linf"
+    own: tuple[str, ...] = ()
+    gains: tuple[tuple[str, int], ...] = ()
 
 
 def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
@@ -118,12 +126,34 @@ def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
     row = _complete(np.asarray(data.first), y, equation.lag, sorted(lags))
     names = tuple(name for lag in sorted(lags) for name in lags[lag])
     stable = any(names in prior.stable(model) for prior in formulation.priors)
-    columns = [_column(data.u, key, row) for key in _others(equation)]
-    distinct = {column.tobytes(): column for column in columns if np.any(column)}
-    known = np.array([*distinct.values()]).reshape(len(distinct), y.size).T
+    columns = dict[bytes, tuple[Reals, tuple[str, int]]]()
+    for item in _others(equation):
+        column = _column(data.u, item, row)
+        shared = column.tobytes() in columns
+        if np.any(column):
+            columns[column.tobytes()] = column, ("", 1) if shared else _gain(item)
+    known = np.array([column for column, _ in columns.values()]).reshape(len(columns), y.size).T
     order = max(lags, default=0)
-    complete = stable and len(names) == order
-    return OutputRows(order, row, np.where(np.isnan(y), 0.0, y), eta[:, output], known, complete)
+    return OutputRows(
+        order,
+        row,
+        np.where(np.isnan(y), 0.0, y),
+        eta[:, output],
+        known,
+        stable and len(names) == order,
+        own=tuple(_alone(lags.get(lag, ())) for lag in range(1, order + 1)),
+        gains=tuple(gain for _, gain in columns.values()),
+    )
+
+
+def _alone(parameters: tuple[str, ...]) -> str:
+    return parameters[0] if len(parameters) == 1 else ""
+
+
+def _gain(item: Term) -> tuple[str, int]:
+    """The parameter of a term on the right of the rows, and its sign there."""
+    alone = len(item.parameters) == 1 and abs(item.coefficient) == 1.0
+    return (item.parameters[0], -int(item.coefficient)) if alone else ("", 1)
 
 
 def _own_lags(equation: Equation) -> dict[int, tuple[str, ...]] | None:
@@ -143,10 +173,10 @@ def _own_lags(equation: Equation) -> dict[int, tuple[str, ...]] | None:
     return found
 
 
-def _others(equation: Equation) -> list[tuple[tuple[str, int], ...]]:
-    """Input and lag of each term of the numerator; () for a constant."""
-    found = [tuple((s.signal, s.lag) for s in t.signals) for t in equation.terms[1:]]
-    return [key for key in found if not key or key[0][0] != equation.defines]
+def _others(equation: Equation) -> list[Term]:
+    """Terms of the numerator, and of a constant."""
+    own = equation.defines
+    return [t for t in equation.terms[1:] if not t.signals or t.signals[0].signal != own]
 
 
 def _complete(first: Integers, y: Reals, lag: int, lags: list[int]) -> NDArray[np.bool_]:
@@ -158,14 +188,15 @@ def _complete(first: Integers, y: Reals, lag: int, lags: list[int]) -> NDArray[n
     return row
 
 
-def _column(u: Reals, key: tuple[tuple[str, int], ...], row: NDArray[np.bool_]) -> Reals:
+def _column(u: Reals, item: Term, row: NDArray[np.bool_]) -> Reals:
     """The known factor of a term in each row."""
-    if not key:
+    if not item.signals:
         return np.where(row, 1.0, 0.0)
-    (signal, lag), channel = key[0], channel_of(key[0][0])
-    assert channel is not None and signal
+    lagged = item.signals[0]
+    channel = channel_of(lagged.signal)
+    assert channel is not None
     at = np.arange(u.shape[0])
-    return np.where(row, u[np.maximum(at - lag, 0), channel[1]], 0.0)
+    return np.where(row, u[np.maximum(at - lagged.lag, 0), channel[1]], 0.0)
 
 
 # ---- cones --------------------------------------------------------------------------------
@@ -285,7 +316,7 @@ class DenominatorCells:
         Orthogonal up to rounding.
     cells : tuple of Cell
         Those of the first cones come first. :class:`VaryingLeaf` is for
-        :class:`setid.proofs.least_noise.varying_multipliers.VaryingCells` alone.
+        :class:`setid.proofs.denominators.varying_multipliers.VaryingCells` alone.
 
     Examples
     --------
@@ -337,31 +368,53 @@ class DenominatorCells:
         ----------
         rows : OutputRows
         """
+        left = self.left(rows)
+        return left is not None and next(left, None) is None
+
+    def left(self, rows: OutputRows) -> Iterator[int] | None:
+        """Number the leaves that are not refuted; None where multipliers or cells are malformed.
+
+        Parameters
+        ----------
+        rows : OutputRows
+        """
         table, n = self.multipliers, rows.y.size
         if table.ndim != 2 or table.shape[1] != n or np.any(table[:, ~rows.row]):
-            return False
+            return None
         if not all(map(is_ordinary, (table, rows.y, rows.bound, rows.known))):
-            return False
-        doubt = _doubts(rows, self.free, table)
-        if doubt is None:
-            return False
+            return None
+        doubt, cones = doubts(rows, self.free, table), self.cones(rows)
+        if doubt is None or cones is None:
+            return None
+        leaves = (number for number in sorted(cones) if not self.parts(number))
+        return (n for n in leaves if not self._refutes(rows, doubt, cones[n], self.cells[n]))
+
+    def parts(self, number: int) -> tuple[int, ...]:
+        """Numbers of the parts of a cell; none for a leaf."""
+        cell = self.cells[number]
+        return () if isinstance(cell, VaryingLeaf) else cell.children
+
+    def cones(self, rows: OutputRows) -> dict[int, Cone] | None:
+        """The cone of each cell by its number; None where cells are malformed.
+
+        Parameters
+        ----------
+        rows : OutputRows
+        """
         waiting = list(enumerate(first_cones(rows.order, rows.stable)))
-        unseen = set(range(len(self.cells)))
+        found = dict[int, Cone]()
         while waiting:
             number, cone = waiting.pop()
-            if number not in unseen:
-                return False
-            unseen.remove(number)
-            cell = self.cells[number]
+            if number in found or not 0 <= number < len(self.cells):
+                return None
+            found[number], cell = cone, self.cells[number]
             if isinstance(cell, VaryingLeaf) or not cell.children:
-                if not self._refutes(rows, doubt, cone, cell):
-                    return False
                 continue
             parts = parted_cone(cone, cell.edge, cell.weights)
             if parts is None or len(cell.children) != 2 or min(cell.children) <= number:
-                return False
+                return None
             waiting += zip(cell.children, parts, strict=True)
-        return True
+        return found
 
     def _refutes(
         self, rows: OutputRows, doubt: Reals, cone: Cone, cell: Cell | VaryingLeaf
@@ -490,10 +543,25 @@ def moments(
     return multipliers @ readings.T, size * rounding + slack, shifted, rounding
 
 
-def _doubts(rows: OutputRows, free: Integers, multipliers: Reals) -> Reals | None:
-    """Bound how far multipliers are from ones that are orthogonal to the columns, (M, N).
+def doubts(
+    rows: OutputRows, free: Integers, multipliers: Reals, aims: Reals | None = None
+) -> Reals | None:
+    """Bound how far multipliers are from ones with given products with the columns, (M, N).
 
-    The correction c at the samples ``free`` solves known[free]' c = -known' lambda.
+    The correction c at the samples ``free`` solves known[free]' c = aim - known' lambda.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    free : (c,) int
+    multipliers : (M, N) float
+    aims : (M, c) float, optional
+        The products; zero when left out.
+
+    Returns
+    -------
+    (M, N) float or None
+        None where the samples do not determine a correction.
     """
     count, length = rows.known.shape[1], rows.y.size
     found = np.zeros(multipliers.shape)
@@ -506,7 +574,8 @@ def _doubts(rows: OutputRows, free: Integers, multipliers: Reals) -> Reals | Non
     inverse = _inverse(rows.known[free].T)
     if inverse is None:
         return None
-    rest = np.abs(multipliers @ rows.known)
+    products = multipliers @ rows.known
+    rest = np.abs(products if aims is None else products - aims)
     rest += (length + 8) * _UNIT * (np.abs(multipliers) @ np.abs(rows.known)) + 1e-290
     found[:, free] = (rest @ np.abs(inverse).T) * (1.0 + 1e-9)
     return found

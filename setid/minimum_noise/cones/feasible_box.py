@@ -1,0 +1,401 @@
+"""Search for a box of the parameters: cones of denominators, parted until none reaches far.
+
+Best first: the cone that reaches farthest beyond the ends that consistent parameters attain is
+refuted, or parted at its longest edge. Where the denominators of all cones that are left lie near
+those ends, so do, by programs of their own, the gains on each cone. First all ends are brought
+near, then as near as is asked.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge
+from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, orthogonal
+from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
+from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
+from setid.minimum_noise.programs import Programs, longest_stretches
+from setid.proofs.denominators.denominator_box import (
+    DenominatorBox,
+    Limit,
+    ratio_ends,
+    upright,
+)
+from setid.proofs.denominators.denominator_cells import (
+    Cell,
+    OutputRows,
+    VaryingLeaf,
+    first_cones,
+    output_rows,
+    parted_cone,
+)
+from setid.proofs.denominators.varying_multipliers import VaryingCells
+from setid.proofs.parameter_box import start_of
+from setid.proofs.row_boxes import RowBox
+from sparsepop_py.budget import Deadline
+from sparsepop_py.errors import SparsePOPError
+from sparsepop_py.executors.dispatch import map_in_order, workers_of
+
+__all__ = ["denominator_box"]
+
+Reals = NDArray[np.float64]
+Ends = tuple[Reals, Reals]
+_OPEN = VaryingLeaf((), (), ())
+_FIRST = 0.1  # of the attained widths: all ends are brought as near before any is nearer
+_WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
+_OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
+_ALONE = 120.0  # seconds, where no time is given
+_AHEAD = 4  # cones for each worker of an executor
+_MEMORY = 2.0**29  # bytes of multipliers
+_TINY = 1e-300
+
+
+@dataclass(slots=True)
+class _Grown:
+    """A cone that is left, the ends of the parameters on it, and whether it was examined."""
+
+    node: ConeNode
+    number: int
+    low: Reals
+    high: Reals
+    examined: bool = False
+
+
+def denominator_box(
+    formulation: Formulation,
+    first: RowBox | None,
+    attained: Ends,
+    tol: float,
+    deadline: Deadline,
+    executor: Executor | None = None,
+) -> DenominatorBox | None:
+    """Prove a box near the ends that are attained; None where outputs have other rows.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    first : ParameterBox, DirectionBox, LiftedBox or None
+        A box that is known.
+    attained : (lower, upper), each (p,) float
+        Ends that consistent parameters reach.
+    tol : float
+        Of the attained widths: cones that reach less far beyond are not parted.
+    deadline : Deadline
+    executor : concurrent.futures.Executor, optional
+        Examines several cones at once.
+    """
+    start = start_of(formulation)
+    inside = start[0], start[1]
+    if first is not None:
+        inside = np.maximum(start[0], first.lower), np.minimum(start[1], first.upper)
+    trees, limits, complete = list[VaryingCells](), list[tuple[Limit, ...]](), True
+    outputs = formulation.model.outputs
+    left = deadline.left
+    for output in range(outputs):
+        rows = output_rows(formulation, output)
+        if rows is None or not _stretch(rows).size:
+            continue
+        programs = Programs(rows, _stretch(rows))
+        if programs.free is None:
+            continue
+        share = (_ALONE if left is None else left) / outputs
+        until = Deadline(min(share, inf if deadline.left is None else deadline.left))
+        search = _Search(formulation, rows, programs, inside, attained, until, executor)
+        complete &= search.run(tol)
+        trees.append(search.tree(output))
+        limits.append(search.limits)
+    if not trees:
+        return None
+    unknown = frozen(np.full(len(start[0]), -inf)), frozen(np.full(len(start[0]), inf))
+    found = DenominatorBox(
+        formulation.parameters, *unknown, first, tuple(trees), tuple(limits), complete
+    )
+    hull = found.hull(formulation, start)
+    return None if hull is None else replace(found, lower=frozen(hull[0]), upper=frozen(hull[1]))
+
+
+def _stretch(rows: OutputRows) -> NDArray[np.int64]:
+    """Rows that are used; none where there are too few."""
+    section = longest_stretches(rows.row, rows.order)
+    few = section.size <= rows.order + rows.known.shape[1] + 1
+    return section[:0] if few or not np.any(rows.bound > 0) else section
+
+
+@dataclass(slots=True)
+class _Kept:
+    """What is proved of the cones, by numbers."""
+
+    multipliers: list[Reals] = field(default_factory=list)
+    cells: list[Cell | VaryingLeaf] = field(default_factory=list)
+    limits: dict[tuple[int, int, int], Limit] = field(default_factory=dict)
+    wholes: list[int] = field(default_factory=list)
+
+
+class _Search:
+    def __init__(
+        self,
+        formulation: Formulation,
+        rows: OutputRows,
+        programs: Programs,
+        inside: Ends,
+        attained: Ends,
+        deadline: Deadline,
+        executor: Executor | None,
+    ) -> None:
+        self._rows, self._programs, self._deadline = rows, programs, deadline
+        self._executor, self._ahead = executor, _AHEAD * workers_of(executor) or 1
+        at = {name: place for place, name in enumerate(formulation.parameters)}
+        self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
+        self._gains = [(c, at[name], s) for c, (name, s) in enumerate(rows.gains) if name in at]
+        self._low, self._high = attained[0].copy(), attained[1].copy()
+        self._cones = ConePrograms(programs, rows.stable, deadline.left, EXACT)
+        self._solvers = {
+            column: ConePrograms(programs, rows.stable, deadline.left, EXACT, column)
+            for column, _, _ in self._gains
+        }
+        self._kept = _Kept()
+        self._waiting: list[tuple[float, int, _Grown]] = []
+        self._done: list[_Grown] = []
+        self._count, self._share = 0, _FIRST
+        for cone in first_cones(rows.order, rows.stable):
+            self._file(first_node(cone), -1, inside)
+
+    # ---- how far ends reach ----------------------------------------------------------------
+
+    def _width(self) -> Reals:
+        size = np.maximum(np.abs(self._low), np.abs(self._high))
+        return np.maximum(self._high - self._low, 1e-12 * size + _TINY)
+
+    def _beyond(self, grown: _Grown, places: Sequence[int]) -> float:
+        """How far parameters reach beyond the attained ends, in their widths."""
+        with np.errstate(invalid="ignore"):
+            far = np.maximum(self._low - grown.low, grown.high - self._high) / self._width()
+        return float(np.max(far[list(places)], initial=0.0))
+
+    def _order(self, grown: _Grown) -> float:
+        """Denominators first: of gains nothing is known before."""
+        own = self._beyond(grown, [place for _, place in self._own])
+        if own > self._share:
+            return -1e12 - own
+        return -self._beyond(grown, [place for _, place, _ in self._gains])
+
+    # ---- the search ------------------------------------------------------------------------
+
+    def run(self, tol: float) -> bool:
+        """Part cones until none reaches farther than is asked; whether time sufficed."""
+        for share in sorted({max(_FIRST, tol), tol}, reverse=True):
+            self._share = share
+            again, self._waiting = [g for _, _, g in self._waiting], []
+            for grown in again:
+                self._push(grown)
+            while self._waiting and -self._waiting[0][0] > share:
+                if self._ended:
+                    return False
+                self._advance()
+        return True
+
+    @property
+    def _ended(self) -> bool:
+        size = len(self._kept.multipliers) * 8.0 * self._rows.y.size
+        return size > _MEMORY or self._deadline.over
+
+    def _advance(self) -> None:
+        """Refute, bound or part the cones that reach farthest."""
+        batch: list[_Grown] = []
+        while self._waiting and len(batch) < self._ahead and -self._waiting[0][0] > self._share:
+            batch.append(heapq.heappop(self._waiting)[2])
+        new = [grown for grown in batch if not grown.examined]
+        tasks = [(self._cones, grown.node, _OVER) for grown in new]
+        refuted = set[int]()
+        for grown, found in zip(new, self._mapped(examined, tasks), strict=True):
+            if self._refuted(grown, found):
+                refuted.add(grown.number)
+        batch = [grown for grown in batch if grown.number not in refuted]
+        if not self._ended:
+            self._limit([grown for grown in batch if self._order(grown) > -1e12])
+        for grown in batch:
+            if -self._order(grown) <= self._share or self._ended:
+                self._push(grown)
+            else:
+                self._part(grown)
+
+    def _mapped(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        try:
+            return list(map_in_order(self._executor, work, tasks))
+        except SparsePOPError:  # the executor takes no tasks any more
+            self._executor, self._ahead = None, 1
+            return [work(task) for task in tasks]
+
+    def _refuted(self, grown: _Grown, found: Examined) -> bool:
+        """Keep what refutes a cone; else what is new of it."""
+        grown.node, grown.examined = found.node, True
+        if found.tried is not None and found.level < 1.0:
+            self._attain(found.tried)
+        if found.bound is None:
+            assert found.unstable is not None
+            self._kept.cells[grown.number] = found.unstable
+            return True
+        if found.bound.factor < 1.0:
+            return False
+        family = self._family(orthogonal(found.bound.multipliers, self._programs.basis))
+        minors = tuple(found.bound.minors.tolist())
+        self._kept.cells[grown.number] = VaryingLeaf((family,), (1.0,), found.powers, minors)
+        return True
+
+    def _attain(self, a: Reals) -> None:
+        """Note a consistent denominator that lies beyond those that were known."""
+        for lag, place in self._own:
+            value = float(a[lag + 1] / a[0])
+            self._low[place] = min(self._low[place], value)
+            self._high[place] = max(self._high[place], value)
+
+    def _family(self, multipliers: Reals) -> tuple[int, ...]:
+        begin = len(self._kept.multipliers)
+        self._kept.multipliers += list(multipliers)
+        return tuple(range(begin, begin + len(multipliers)))
+
+    def _limit(self, batch: Sequence[_Grown]) -> None:
+        """Bound the gains that reach too far."""
+        asked: list[tuple[_Grown, int, int, int]] = []
+        tasks: list[LimitTask] = []
+        for grown in batch:
+            cone = upright(grown.node.cone)
+            if cone is None:
+                continue
+            node = grown.node._replace(cone=cone)
+            for column, place, own in self._gains:
+                room = self._share * self._width()[place]
+                for sign in (1, -1):
+                    upper = sign * own > 0
+                    end = self._high[place] if upper else -self._low[place]
+                    now = grown.high[place] if upper else -grown.low[place]
+                    if now - end > room:
+                        asked.append((grown, column, place, sign))
+                        aim = end + _WITHIN * room
+                        tasks.append(LimitTask(self._solvers[column], node, sign, aim, _OVER))
+        for (grown, column, place, sign), found in zip(
+            asked, self._mapped(limited, tasks), strict=True
+        ):
+            self._keep_limit(grown, (column, place, sign), found)
+
+    def _keep_limit(self, grown: _Grown, which: tuple[int, int, int], found: FoundLimit) -> None:
+        column, place, sign = which
+        upper = sign * self._rows.gains[column][1] > 0
+        ends = grown.high if upper else -grown.low
+        value = found.value + 1e-7 * abs(float(self._width()[place]))  # what rounding takes
+        if not value < ends[place]:
+            return
+        family = self._family(found.multipliers)
+        self._kept.limits[grown.number, column, sign] = Limit(
+            grown.number, column, sign, value, family, found.powers, found.minors
+        )
+        if upper:
+            grown.high[place] = value
+        else:
+            grown.low[place] = -value
+
+    def _part(self, grown: _Grown) -> None:
+        """Part a cone; one that is too thin is left."""
+        edge = self._edge(grown.node)
+        parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
+        if edge is None or parts is None:
+            self._done.append(grown)
+            return
+        first = len(self._kept.cells)
+        self._kept.cells[grown.number] = Cell((first, first + 1), *(edge[:2], edge[2]))
+        for part in parts:
+            node = grown.node._replace(cone=part, centred=False)
+            self._file(node, grown.number, (grown.low, grown.high))
+
+    def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
+        """Two vectors and the weights of the one between them."""
+        if node.centre is None:
+            return 0, 1, (1, 1)
+        bound, turned = self._programs.bound, upright(node.cone)
+        filtered, sizes = node.cone.astype(np.float64) @ node.centre, node.sizes(bound)
+        if turned is None:
+            return changing_edge(filtered, sizes, bound)
+        vectors = turned.astype(np.float64)
+        coefficients = vectors[:, 1:] / vectors[:, :1]
+        for lag, place in self._own:
+            coefficients[:, lag] /= self._width()[place]
+        found = long_edge(coefficients, filtered, sizes, bound, node.products)
+        if found is None:
+            return None
+        i, j = found
+        return i, j, edge_weights(float(np.log2(vectors[j, 0] / vectors[i, 0])))
+
+    def _file(self, node: ConeNode, whole: int, ends: Ends) -> None:
+        """Number a cone; it is left out where it lies outside of what is known."""
+        number = len(self._kept.cells)
+        self._kept.cells.append(_OPEN)
+        self._kept.wholes.append(whole)
+        low, high = ends[0].copy(), ends[1].copy()
+        least, most = ratio_ends(node.cone)
+        for lag, place in self._own:
+            low[place], high[place] = max(low[place], least[lag]), min(high[place], most[lag])
+        if np.all(low <= high):
+            self._push(_Grown(node, number, low, high))
+
+    def _push(self, grown: _Grown) -> None:
+        self._count += 1
+        heapq.heappush(self._waiting, (self._order(grown), self._count, grown))
+
+    # ---- what is proved --------------------------------------------------------------------
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Limits that bind on a cone that is left, with multipliers as of :meth:`tree`."""
+        place = self._places()
+        return tuple(
+            limit._replace(used=tuple(place[m] for m in limit.used)) for limit in self._binding()
+        )
+
+    def tree(self, output: int) -> VaryingCells:
+        """All cones, with the multipliers that they and their limits use."""
+        place = self._places()
+        cells = tuple(
+            cell
+            if isinstance(cell, Cell)
+            else cell._replace(used=tuple(tuple(place[m] for m in one) for one in cell.used))
+            for cell in self._kept.cells
+        )
+        table = np.array([self._programs.whole(self._kept.multipliers[m]) for m in place])
+        free = self._programs.free
+        assert free is not None
+        return VaryingCells(output, free, table.reshape(len(place), self._rows.y.size), cells)
+
+    def _binding(self) -> list[Limit]:
+        left = [grown.number for _, _, grown in self._waiting]
+        left += [grown.number for grown in self._done]
+        found = dict[tuple[int, int, int], Limit]()
+        for number in left:
+            best = dict[tuple[int, int], Limit]()
+            while number >= 0:
+                for column, _, _ in self._gains:
+                    for sign in (1, -1):
+                        limit = self._kept.limits.get((number, column, sign))
+                        held = best.get((column, sign))
+                        if limit and not (held and held.value <= limit.value):
+                            best[column, sign] = limit
+                number = self._kept.wholes[number]
+            found.update({(one.cell, one.column, one.sign): one for one in best.values()})
+        return list(found.values())
+
+    def _places(self) -> dict[int, int]:
+        """Numbers of the multipliers that are used, in their order."""
+        used = {m for limit in self._binding() for m in limit.used}
+        for cell in self._kept.cells:
+            if isinstance(cell, VaryingLeaf):
+                used |= {m for family in cell.used for m in family}
+        return {m: place for place, m in enumerate(sorted(used))}

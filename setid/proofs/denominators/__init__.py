@@ -1,0 +1,1 @@
+"""Cones of denominators of which multipliers of the rows leave no member, or bound what is left."""
