@@ -28,6 +28,7 @@ from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
+    limit_holds,
     ratio_ends,
     upright,
 )
@@ -35,11 +36,12 @@ from setid.proofs.denominators.denominator_cells import (
     Cell,
     OutputRows,
     VaryingLeaf,
+    doubts,
     first_cones,
     output_rows,
     parted_cone,
 )
-from setid.proofs.denominators.varying_multipliers import VaryingCells
+from setid.proofs.denominators.varying_multipliers import VaryingCells, family_refutes
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
 from sparsepop_py.budget import Deadline
@@ -54,6 +56,8 @@ _OPEN = VaryingLeaf((), (), ())
 _FIRST = 0.1  # of the attained widths: all ends are brought as near before any is nearer
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
 _OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
+_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
+_BITS, _LIMIT_BITS = 34, 44  # of the largest multiplier of a vector; of those that bound a gain
 _ALONE = 120.0  # seconds, where no time is given
 _AHEAD = 4  # cones for each worker of an executor
 _MEMORY = 2.0**29  # bytes of multipliers
@@ -153,6 +157,8 @@ class _Search:
         executor: Executor | None,
     ) -> None:
         self._rows, self._programs, self._deadline = rows, programs, deadline
+        assert programs.free is not None
+        self._free = programs.free
         self._executor, self._ahead = executor, _AHEAD * workers_of(executor) or 1
         at = {name: place for place, name in enumerate(formulation.parameters)}
         self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
@@ -247,10 +253,20 @@ class _Search:
             return True
         if found.bound.factor < 1.0:
             return False
-        family = self._family(orthogonal(found.bound.multipliers, self._programs.basis))
-        minors = tuple(found.bound.minors.tolist())
-        self._kept.cells[grown.number] = VaryingLeaf((family,), (1.0,), found.powers, minors)
+        table = self._table(orthogonal(found.bound.multipliers, self._programs.basis))
+        numbers, minors = tuple(range(len(table))), tuple(found.bound.minors.tolist())
+        leaf = VaryingLeaf((numbers,), (1.0,), found.powers, minors)
+        doubt = doubts(self._rows, self._free, table)
+        if doubt is None or not family_refutes(self._rows, table, doubt, grown.node.cone, leaf):
+            return False
+        self._kept.cells[grown.number] = leaf._replace(used=(self._family(table),))
         return True
+
+    def _table(self, multipliers: Reals, bits: int = _BITS) -> Reals:
+        """Multipliers over the whole record, (K, N), in short binary fractions."""
+        size = np.abs(multipliers).max(axis=1, keepdims=True)
+        unit = np.exp2(np.ceil(np.log2(np.maximum(size, _TINY))) - bits)
+        return np.array([self._programs.whole(m) for m in np.round(multipliers / unit) * unit])
 
     def _attain(self, a: Reals) -> None:
         """Note a consistent denominator that lies beyond those that were known."""
@@ -291,14 +307,17 @@ class _Search:
     def _keep_limit(self, grown: _Grown, which: tuple[int, int, int], found: FoundLimit) -> None:
         column, place, sign = which
         upper = sign * self._rows.gains[column][1] > 0
-        ends = grown.high if upper else -grown.low
-        value = found.value + 1e-7 * abs(float(self._width()[place]))  # what rounding takes
+        ends, cone = grown.high if upper else -grown.low, grown.node.cone
+        value = found.value + _LOSS * float(self._width()[place])
         if not value < ends[place]:
             return
-        family = self._family(found.multipliers)
-        self._kept.limits[grown.number, column, sign] = Limit(
-            grown.number, column, sign, value, family, found.powers, found.minors
-        )
+        table = self._table(found.multipliers, _LIMIT_BITS)
+        numbers = tuple(range(len(table)))
+        limit = Limit(grown.number, column, sign, value, numbers, found.powers, found.minors)
+        if not limit_holds(self._rows, self._free, table, cone, limit):
+            return
+        limit = limit._replace(used=self._family(table))
+        self._kept.limits[grown.number, column, sign] = limit
         if upper:
             grown.high[place] = value
         else:
@@ -370,10 +389,9 @@ class _Search:
             else cell._replace(used=tuple(tuple(place[m] for m in one) for one in cell.used))
             for cell in self._kept.cells
         )
-        table = np.array([self._programs.whole(self._kept.multipliers[m]) for m in place])
-        free = self._programs.free
-        assert free is not None
-        return VaryingCells(output, free, table.reshape(len(place), self._rows.y.size), cells)
+        table = np.array([self._kept.multipliers[m] for m in place])
+        table = table.reshape(len(place), self._rows.y.size)
+        return VaryingCells(output, self._free, table, cells)
 
     def _binding(self) -> list[Limit]:
         left = [grown.number for _, _, grown in self._waiting]
