@@ -30,6 +30,7 @@ from ..files.reading import (
     whole,
 )
 from ..result import NotProved
+from .denominators import by_denominators
 from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
 from .simulation import by_simulation
 
@@ -41,6 +42,7 @@ KINDS = {
     "DirectionBox": "from bounds on the directions of the parameters",
     "LiftedBox": "from linear programs in products of parameters",
     "CellBox": "from cells of the noise-free outputs",
+    "DenominatorBox": "from cones of denominators, on a box that is no step",
     "SimulatedBox": "from simulations of another structure, or from cells of the outputs",
 }
 
@@ -233,6 +235,7 @@ Step = Callable[[Any, Regression, Ends], Ends]
 ONE_BY_ONE: dict[str, Step] = {"LeftInverse": by_inverse, "SignTree": by_tree}
 STEPS = ONE_BY_ONE | {
     "Products": by_products,
+    "Denominators": by_denominators,
     "Directions": by_directions,
     "Simulation": by_simulation,
 }

@@ -20,9 +20,11 @@ from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, coupled_rows, in_units
 from setid.models.lti import TransferFunction
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import product_rows, start_of
 from setid.proofs.simulated.tree import SimulatedBox
+from setid.result.denominator_files import denominator_steps
 from setid.result.simulation_files import simulation_step
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.values import PROVED_POINT
@@ -39,7 +41,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 4
+_FORMAT, _VERSION = "setid", 5
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -213,8 +215,7 @@ def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict
     ends = {"lower": [_number(v) for v in box.lower], "upper": [_number(v) for v in box.upper]}
     steps = None
     if type(formulation.model) is TransferFunction:
-        known = _simulated if isinstance(box, SimulatedBox) else _by_rows
-        steps = known(box, formulation, start)
+        steps = _proved(box, formulation, start)
     return ends | {"steps": steps, "kind": type(box).__name__}
 
 
@@ -236,17 +237,21 @@ def _by_rows(
     return [*first, step, *_steps(box.last, rows, (inside[0], inside[1]))]
 
 
-def _simulated(
-    box: SimulatedBox, formulation: Formulation, start: NDArray[np.float64]
+def _proved(
+    box: Any, formulation: Formulation, start: NDArray[np.float64]
 ) -> list[dict[str, Any]] | None:
-    """Steps of simulations; None where the file does not hold those of the box before."""
+    """All steps of a box; None where the file does not hold those of the box before."""
+    if not isinstance(box, SimulatedBox | DenominatorBox):
+        return _by_rows(box, formulation, start)
     inside, first = (start[0], start[1]), list[dict[str, Any]]()
     if box.first is not None:
-        found = _by_rows(box.first, formulation, start)
+        found = _proved(box.first, formulation, start)
         if found is None:
             return None
         first = found
         inside = np.maximum(start[0], box.first.lower), np.minimum(start[1], box.first.upper)
+    if isinstance(box, DenominatorBox):
+        return [*first, *denominator_steps(box, formulation)]
     return [*first, simulation_step(box, formulation, inside)]
 
 

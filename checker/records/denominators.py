@@ -1,0 +1,351 @@
+"""The box of the parameters from cones of denominators, for one output with exact inputs.
+
+Its rows are sum_i a_i (y(k - i) - eta(k - i)) = sum_j b_j phi_j(k) with a_0 = 1. Multipliers of
+these that are orthogonal to the known columns phi leave the denominator alone. With one multiplier
+for each vector of a cone they say, pair by pair, that no noise within its bounds explains a member.
+Or, where they are orthogonal to all columns but one, how large the gain of that one may be.
+
+Everything is exact: readings, bounds and multipliers are whole numbers times powers of two. Only
+what takes a multiplier to one that is orthogonal is bounded, upwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from itertools import product
+from math import gcd
+from operator import mul
+from typing import Any, NamedTuple
+
+from ..arithmetic.polynomial import INF
+from ..files.reading import Malformed, alike, below, fields, finite, whole
+from ..result import NotProved
+from .linear_rows import Ends, Regression, nothing
+from .structure import Term
+
+_FINE = 128  # bits of what corrects multipliers
+
+Cone = list[list[int]]  # one vector a row
+
+
+class Leaf(NamedTuple):
+    """Multipliers of the vectors of a cone, powers of two by which these are divided, minors."""
+
+    family: list[int]
+    powers: list[int]
+    minors: list[Fraction]
+
+
+class Rows:
+    """The rows of one output, in whole numbers times 2**-bits."""
+
+    def __init__(self, about: Any, output: int) -> None:
+        record, structure = about.record, about.structure
+        below([output - 1], len(record.y), "box: outputs")
+        terms, name = structure.equation(f"y{output}"), f"y{output}"
+        noisy = [*record.bounds["input"], record.bounds["equation"][output - 1]]
+        if any(v for column in noisy for v in column) or any(None in u for u in record.u):
+            raise NotProved("denominators of an output with other errors")
+        own = [term for term in terms if term.signal == name]
+        others = [term for term in terms if term.signal != name]
+        lags = [term.lag for term in own]
+        if len(set(lags)) < len(lags) or any(t.signal and t.signal[0] != "u" for t in others):
+            raise NotProved("denominators of an output with other signals")
+        self.order, last = max(lags), max(term.lag for term in terms)
+        y, noise = record.y[output - 1], record.bounds["output"][output - 1]
+        self.count = record.samples
+        self.asked = [
+            k - record.first(k) >= last and all(y[k - lag] is not None for lag in lags)
+            for k in range(self.count)
+        ]
+        self.gains: dict[str, int] = {}  # the columns of single parameters
+        columns: list[list[Fraction]] = []
+        for term in others:
+            column = [self._known(record, term, k) for k in range(self.count)]
+            alone = len(term.parameters) == 1 and term.sign == -1
+            if column in columns:
+                place = columns.index(column)
+                self.gains = {key: at for key, at in self.gains.items() if at != place}
+            elif any(column):
+                columns.append(column)
+                self.gains |= {term.parameters[0]: len(columns) - 1} if alone else {}
+        single = {t.lag: t.parameters[0] for t in own if len(t.parameters) == 1 and t.sign == 1}
+        self.own = [single.get(lag) for lag in range(1, self.order + 1)]
+        tables = [[v or Fraction(0) for v in y], noise, *columns]
+        self.bits = max(v.denominator.bit_length() for table in tables for v in table)
+        self.y, self.noise, *self.columns = [[_whole(v, self.bits) for v in t] for t in tables]
+
+    def _known(self, record: Any, term: Term, k: int) -> Fraction:
+        """What a term multiplies in the row of a sample."""
+        if not self.asked[k]:
+            return Fraction(0)
+        return record.u[int(term.signal[1:]) - 1][k - term.lag] if term.signal else Fraction(1)
+
+
+def _whole(value: Fraction, bits: int) -> int:
+    """A number as a whole multiple of 2**-bits."""
+    found = value * (1 << bits)
+    if found.denominator > 1:
+        raise Malformed("record: a number that is no double")
+    return found.numerator
+
+
+class Multipliers:
+    """Multipliers of the rows of an output, and how they are made orthogonal to its columns."""
+
+    def __init__(self, rows: Rows, found: list[Any], free: list[Any]) -> None:
+        self.rows = rows
+        self.table = [self._read(one) for one in found]
+        self.free = [whole(k, "box.free") for k in free]
+        below(self.free, rows.count, "box.free")
+        alike("box.free", self.free, rows.columns)
+        if len(set(self.free)) < len(self.free) or not all(rows.asked[k] for k in self.free):
+            raise NotProved("samples that have no row")
+        given = [[Fraction(c[k], 1 << rows.bits) for k in self.free] for c in rows.columns]
+        up = [[abs(v) * (1 << _FINE) for v in line] for line in _inverse(given)]
+        self.inverse = [[-(-v.numerator // v.denominator) for v in line] for line in up]
+
+    def _read(self, found: Any) -> tuple[int, list[int]]:
+        """A power of two, and whole numbers that it multiplies, one for each sample."""
+        got = fields(found, "box.multipliers", 0, power="i", values="l")
+        values = [whole(v, "box.multipliers") for v in got.values]
+        alike("box.multipliers", values, self.rows.asked)
+        if abs(got.power) > 1100:
+            raise Malformed("box.multipliers: a power of two that no double has")
+        if any(v and not row for v, row in zip(values, self.rows.asked, strict=True)):
+            raise NotProved("a multiplier of a sample without a row")
+        return got.power, values
+
+    def family(self, leaf: Leaf, cone: Cone) -> tuple[list[list[int]], int]:
+        """Multipliers of a leaf as whole numbers times one power of two."""
+        below(leaf.family, len(self.table), "box.family")
+        alike("box.family", leaf.family, cone)
+        chosen = [self.table[m] for m in leaf.family]
+        least = min(power for power, _ in chosen)
+        return [[v << power - least for v in values] for power, values in chosen], least
+
+    def products(self, multiplier: list[int]) -> list[int]:
+        """Products with the columns."""
+        return [sum(map(mul, multiplier, column)) for column in self.rows.columns]
+
+    def losses(self, rest: list[int]) -> list[int]:
+        """What correcting products may change for each abs(a_i), rounded up."""
+        rows, found = self.rows, []
+        far = [sum(a * abs(r) for a, r in zip(line, rest, strict=True)) for line in self.inverse]
+        for i in range(rows.order + 1):
+            pairs = zip(far, self.free, strict=True)
+            found.append(sum(e * (abs(rows.y[k - i]) + rows.noise[k - i]) for e, k in pairs))
+        return [-(-value >> _FINE + rows.bits) for value in found]
+
+
+def _inverse(matrix: list[list[Fraction]]) -> list[list[Fraction]]:
+    """The inverse of a matrix."""
+    n = len(matrix)
+    rows = [[*line, *(Fraction(i == j) for j in range(n))] for i, line in enumerate(matrix)]
+    for i in range(n):
+        pivot = next((k for k in range(i, n) if rows[k][i]), None)
+        if pivot is None:
+            raise NotProved("samples that determine no correction")
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [v / rows[i][i] for v in rows[i]]
+        for k in range(n):
+            if k != i and rows[k][i]:
+                rows[k] = [a - rows[k][i] * b for a, b in zip(rows[k], rows[i], strict=True)]
+    return [row[n:] for row in rows]
+
+
+def first_cones(order: int, stable: bool) -> list[Cone]:
+    """Cones of the coefficients of (1 - q)^j (1 + q)^(n - j), with all signs where needed."""
+    basis = []
+    for j in range(order + 1):
+        vector = [1]
+        for sign in [-1] * j + [1] * (order - j):
+            ahead = zip([*vector, 0], [0, *vector], strict=True)
+            vector = [a + sign * b for a, b in ahead]
+        basis.append(vector)
+    signs = [(1,) * (order + 1)]
+    if not stable:
+        signs = [(1, *more) for more in product((1, -1), repeat=order)]
+    return [[[s * v for v in line] for s, line in zip(some, basis, strict=True)] for some in signs]
+
+
+def minor(cone: Cone, r: int, j: int, k: int) -> int:
+    """H_r polarised at two vectors of a cone: 2^2n times the products of Hurwitz coefficients."""
+    basis = list(zip(*first_cones(len(cone) - 1, True)[0], strict=True))
+    one, two = ([sum(map(mul, cone[m], column)) for column in basis] for m in (j, k))
+    inner = one[r] * two[r + 1] + two[r] * one[r + 1]
+    return inner - one[r - 1] * two[r + 2] - two[r - 1] * one[r + 2]
+
+
+Gain = tuple[int, int, Fraction]  # number of its column, sign, the upper end
+
+
+def holds(table: Multipliers, leaf: Leaf, cone: Cone, stable: bool, gain: Gain | None) -> bool:
+    """Whether every pair of vectors asks for more than noise; where it is given, with a gain."""
+    rows, size = table.rows, len(cone)
+    alike("box.powers", leaf.powers, cone)
+    if any(abs(power) > 1100 for power in leaf.powers):
+        raise Malformed("box.powers: a power of two that no double has")
+    if leaf.minors and not (stable and len(leaf.minors) == rows.order - 2):
+        raise NotProved("minors of denominators that need not be stable")
+    shift = max(leaf.powers)
+    vectors = [
+        [v << shift - power for v in line] for line, power in zip(cone, leaf.powers, strict=True)
+    ]
+    family, power = ([[0] * rows.count] * size, 0) if not leaf.family else table.family(leaf, cone)
+    sides = Sides(table, family, vectors, gain)
+    scale = Fraction(2) ** (power - rows.bits)
+    return min(leaf.minors, default=0) >= 0 and all(
+        sides.left(j, k) * scale > _minors(leaf, vectors, j, k) / Fraction(2) ** shift
+        for j in range(size)
+        for k in range(j, size)
+    )
+
+
+class Sides:
+    """What rows ask for at pairs of vectors, beyond what noise can give."""
+
+    def __init__(self, table: Multipliers, family: Cone, vectors: Cone, gain: Gain | None) -> None:
+        self.rows, self.vectors, self.gain = table.rows, vectors, gain
+        self.filtered: list[list[list[int]]] = []
+        self.losses: list[list[int]] = []
+        self.shares = [0] * len(vectors)
+        for k, multiplier in enumerate(family):
+            rest = table.products(multiplier)
+            if gain is not None:
+                self.shares[k] = max(-gain[1] * rest[gain[0]], 0)
+                rest[gain[0]] += gain[1] * self.shares[k]
+            self.losses.append(table.losses(rest))
+            ahead = [multiplier[i:] + [0] * i for i in range(table.rows.order + 1)]
+            parts = list(zip(*ahead, strict=True))
+            self.filtered.append([[_sum(v, part) for part in parts] for v in vectors])
+
+    def left(self, j: int, k: int) -> Fraction:
+        """What is left for a pair."""
+        both = list(map(int.__add__, self.filtered[k][j], self.filtered[j][k]))
+        found = Fraction(_sum(both, self.rows.y) - _sum(map(abs, both), self.rows.noise))
+        for one, two in ((j, k), (k, j)):
+            found -= _sum(map(abs, self.vectors[one]), self.losses[two])
+            if self.gain is not None:
+                found += self.gain[2] * self.vectors[one][0] * self.shares[two]
+        return found
+
+
+def _minors(leaf: Leaf, vectors: Cone, j: int, k: int) -> Fraction:
+    weighted = (weight * minor(vectors, r, j, k) for r, weight in enumerate(leaf.minors, 1))
+    return sum(weighted, Fraction(0))
+
+
+def _sum(one: Iterable[int], two: Iterable[int]) -> int:
+    return sum(map(mul, one, two))
+
+
+def upright(cone: Cone) -> Cone | None:
+    """The cone or its negative, whichever has vectors that all begin with a positive number."""
+    for turned in (cone, [[-v for v in line] for line in cone]):
+        if all(line[0] > 0 for line in turned):
+            return turned
+    return None
+
+
+class Tree:
+    """Cones of one output, parted, with what multipliers say of them."""
+
+    def __init__(self, step: Any, regression: Regression) -> None:
+        kinds = {"output": "i", "stable": "b", "free": "l", "multipliers": "l", "nodes": "l"}
+        self.got = fields(step, "box", 0, **kinds, limits="l")
+        self.regression, self.stable = regression, self.got.stable
+        self.rows = Rows(regression.about, self.got.output)
+        self.table = Multipliers(self.rows, self.got.multipliers, self.got.free)
+        self.limits: dict[int, list[Any]] = {}
+        for limit in self.got.limits:
+            place = fields(limit, "box.limits", 0, cell="i").cell
+            self.limits.setdefault(place, []).append(limit)
+
+    def leaves(self, ends: Ends) -> Iterator[Ends]:
+        """Boxes of the leaves that are left."""
+        firsts = first_cones(self.rows.order, self.stable)
+        waiting, seen = [(n, cone, ends) for n, cone in enumerate(firsts)], set[int]()
+        kinds = dict.fromkeys(("children", "edge", "weights", "family", "powers", "minors"), "l")
+        while waiting:
+            place, cone, inside = waiting.pop()
+            below([place], len(self.got.nodes), "box.nodes")
+            node = fields(self.got.nodes[place], "box.nodes", 0, **kinds)
+            children = [whole(child, "box.nodes") for child in node.children]
+            if place in seen or any(child <= place for child in children):
+                raise Malformed("box.nodes: a cone that stands twice, or before its whole")
+            seen.add(place)
+            inside, leaf = self._limited(place, cone, inside), _leaf(node)
+            if children:
+                alike("box.nodes: a cone is parted in two", children, "ab")
+                pairs = zip(children, _parted(cone, node), strict=True)
+                waiting += [(child, part, inside) for child, part in pairs]
+            elif not (leaf.powers and holds(self.table, leaf, cone, self.stable, None)):
+                yield self._monic(cone, inside)
+
+    def _monic(self, cone: Cone, ends: Ends) -> Ends:
+        """A box with the least and the largest ratios of a cone."""
+        turned, found = upright(cone), [list(side) for side in ends]
+        for lag, name in enumerate(self.rows.own, 1):
+            if turned is not None and name is not None:
+                ratios = [Fraction(line[lag], line[0]) for line in turned]
+                v = self.regression.places[name]
+                found[0][v] = max(found[0][v], min(ratios))
+                found[1][v] = min(found[1][v], max(ratios))
+        return found
+
+    def _limited(self, place: int, cone: Cone, ends: Ends) -> Ends:
+        """A box with the ends of gains that hold on a cone."""
+        found, turned = [list(side) for side in ends], upright(cone)
+        kinds = dict.fromkeys(("family", "powers", "minors"), "l")
+        for limit in self.limits.get(place, ()):
+            got = fields(limit, "box.limits", 0, parameter="i", sign="i", value="f", **kinds)
+            below([got.parameter], self.regression.count, "box.limits")
+            column = self.rows.gains.get(self.regression.about.names[got.parameter])
+            if got.sign not in (1, -1):
+                raise Malformed("box.limits: a sign other than 1 and -1")
+            if column is None or turned is None:
+                raise NotProved("a limit of no gain, or on a cone of no monic denominators")
+            value = Fraction(got.value)
+            if holds(self.table, _leaf(got), turned, self.stable, (column, got.sign, value)):
+                side = int(got.sign > 0)
+                nearer = min if side else max
+                found[side][got.parameter] = nearer(found[side][got.parameter], got.sign * value)
+        return found
+
+
+def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
+    """The hull of what is left of a tree of cones, on each of which gains are bounded."""
+    tree = Tree(step, rows)
+    if tree.stable:
+        text = f"given: the poles of output {tree.got.output} lie in the closed unit disc"
+        rows.about.stated.append(text)
+    hull: Ends = [[INF] * rows.count, [-INF] * rows.count]
+    for found in tree.leaves(ends):
+        if not nothing(found):
+            hull[0] = [min(pair) for pair in zip(hull[0], found[0], strict=True)]
+            hull[1] = [max(pair) for pair in zip(hull[1], found[1], strict=True)]
+    return hull
+
+
+def _leaf(found: Any) -> Leaf:
+    """Multipliers, powers and minors of a node or a limit."""
+    family, powers = (
+        [whole(v, "box.nodes") for v in column] for column in (found.family, found.powers)
+    )
+    return Leaf(family, powers, [Fraction(finite(v, "box.nodes")) for v in found.minors])
+
+
+def _parted(cone: Cone, node: Any) -> tuple[Cone, Cone]:
+    """The parts of a cone on both sides of a vector on an edge."""
+    alike("box.nodes: an edge has two ends", node.edge, node.weights, "ab")
+    i, j, one, two = (whole(v, "box.nodes") for v in (*node.edge, *node.weights))
+    below([i, j], len(cone), "box.nodes: edge")
+    if i == j or min(one, two) <= 0:
+        raise Malformed("box.nodes: an edge that parts nothing")
+    made = [one * a + two * b for a, b in zip(cone[i], cone[j], strict=True)]
+    divisor = gcd(*made) or 1
+    first, second = list(cone), list(cone)
+    first[i] = second[j] = [v // divisor for v in made]
+    return first, second
