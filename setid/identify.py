@@ -104,7 +104,7 @@ _MANY = 200  # equations beyond which records of noisy outputs are simulated fir
 _CELLS = 2000  # regions that are parted at most
 _REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
 _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
-_CONES = 0.7  # of the time, for cones of denominators
+_CONES = 0.9  # of the time, for cones of denominators
 _ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
@@ -298,10 +298,11 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     """Settle all intervals; what stays open is also bounded without priors that add unknowns.
 
     Such a prior makes a larger problem, whose bounds can be weaker when time runs out. What
-    is proved without it holds with it.
+    is proved without it holds with it. Long records of noisy outputs are settled by cones of
+    denominators, for which a prior adds nothing.
     """
     kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
-    if len(kept) == len(formulation.priors):
+    if len(kept) == len(formulation.priors) or _long_record(formulation) is not None:
         return _settle(formulation, task)
     first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)

@@ -53,7 +53,7 @@ __all__ = ["denominator_box"]
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
 _OPEN = VaryingLeaf((), (), ())
-_FIRST = 0.1  # of the attained widths: all ends are brought as near before any is nearer
+_SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
 _OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
 _LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
@@ -172,7 +172,7 @@ class _Search:
         self._kept = _Kept()
         self._waiting: list[tuple[float, int, _Grown]] = []
         self._done: list[_Grown] = []
-        self._count, self._share = 0, _FIRST
+        self._count, self._share = 0, _SHARES[0]
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
 
@@ -199,7 +199,7 @@ class _Search:
 
     def run(self, tol: float) -> bool:
         """Part cones until none reaches farther than is asked; whether time sufficed."""
-        for share in sorted({max(_FIRST, tol), tol}, reverse=True):
+        for share in (*(share for share in _SHARES if share > tol), tol):
             self._share = share
             again, self._waiting = [g for _, _, g in self._waiting], []
             for grown in again:
