@@ -532,8 +532,7 @@ def _by_simulation(
         tightened = task.kept("cones", cones, None) or tightened
     if tightened is not None and tightened.empty:
         return task.empty(formulation, Outcome(box=tightened, notes=notes))
-    if tightened is None or tightened.cut_short:
-        notes = (*notes, _OPEN)
+    cut_short = tightened is None or tightened.cut_short
     box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
     every = range(number)
@@ -542,6 +541,8 @@ def _by_simulation(
     )
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
     task.kept("report", lambda: _report(formulation, task, items), None)
+    if cut_short and any(map(_is_open, items)):
+        notes = (*notes, _OPEN)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )

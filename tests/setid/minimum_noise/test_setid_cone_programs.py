@@ -21,7 +21,7 @@ import setid
 from setid.minimum_noise.attained_noise import AttainedNoise
 from setid.minimum_noise.cones import linear_programs, plain_steps
 from setid.minimum_noise.cones import search as cone_search
-from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
+from setid.minimum_noise.cones.linear_programs import QUICK, ConeBound, ConePrograms
 from setid.minimum_noise.cones.nodes import Examined
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
@@ -40,6 +40,8 @@ from sparsepop_py.executors.processes import Processes
 
 Reals = NDArray[np.float64]
 POLES = {1: [0.6], 2: [0.7 + 0.2j, 0.7 - 0.2j], 3: [0.9, 0.5 + 0.4j, 0.5 - 0.4j]}
+
+PATIENT = QUICK._replace(patience=np.inf)
 
 
 def fixed_and_point(
@@ -143,7 +145,7 @@ def test_targets_are_refuted_where_the_program_has_a_positive_value(
 ) -> None:
     rows = rows_of(order, gaps=gaps)
     programs = Programs(rows, longest_stretches(rows.row, rows.order))
-    solver, seen = ConePrograms(programs, True), set()
+    solver, seen = ConePrograms(programs, True, effort=PATIENT), set()
     for cone in parts_of(first_cones(order, True)[0], 8)[::2]:
         powers = (0,) * (order + 1)
         for target in (0.03, 0.1, 0.3):
@@ -162,7 +164,7 @@ def test_the_factor_is_what_the_multipliers_refute(order: int) -> None:
     programs = Programs(rows, longest_stretches(rows.row, rows.order))
     cone = parts_of(first_cones(order, True)[0], 5)[-1]
     powers = tuple(range(order + 1))
-    found = ConePrograms(programs, True).solve(cone, powers, 0.1)
+    found = ConePrograms(programs, True, effort=PATIENT).solve(cone, powers, 0.1)
     vectors = np.array([[float(x) / 2**p for x in v] for v, p in zip(cone, powers, strict=True)])
     minors = hurwitz_minors(cone, powers) if order > 2 else np.zeros((0, len(pairs(order + 1))))
     ratios = []
@@ -184,7 +186,9 @@ def test_units_of_readings_and_noise_do_not_matter() -> None:
     for unit in (1.0, 1e-6, 1e6):
         scaled = rows._replace(y=unit * rows.y, bound=unit * rows.bound)
         programs = Programs(scaled, longest_stretches(rows.row, rows.order))
-        factors.append(ConePrograms(programs, True).solve(cone, (0, 0, 0), 0.1).factor)
+        factors.append(
+            ConePrograms(programs, True, effort=PATIENT).solve(cone, (0, 0, 0), 0.1).factor
+        )
     np.testing.assert_allclose(factors[1:], factors[0], rtol=1e-3)
 
 
@@ -511,9 +515,9 @@ def test_plain_steps_serve_where_numba_is_missing(monkeypatch: pytest.MonkeyPatc
 def test_programs_that_come_slowly_are_left() -> None:
     rows = rows_of(3)
     programs, left = Programs(rows, longest_stretches(rows.row, rows.order)), 0
-    solver = ConePrograms(programs, True)
+    solver, patient = (ConePrograms(programs, True, effort=e) for e in (QUICK, PATIENT))
     for cone in parts_of(first_cones(3, True)[0], 8)[::2]:
-        whole, early = (solver.solve(cone, (0,) * 4, 0.03, patience) for patience in (np.inf, 8.0))
+        whole, early = (each.solve(cone, (0,) * 4, 0.03) for each in (patient, solver))
         assert whole.factor >= 0.03 or early.factor < 0.03
         left += early.factor < 0.03 <= whole.factor
     assert left > 0
