@@ -11,6 +11,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -82,6 +83,7 @@ def cases() -> Iterator[Case]:
         yield f"energy-{seed}", data, first, sets, ()
     yield from several()
     yield from simulated()
+    yield from cones()
 
 
 def simulated() -> Iterator[Case]:
@@ -99,12 +101,33 @@ def simulated() -> Iterator[Case]:
     yield "long-second", record(51, "o", 230, 2, 0.02), second, noise_of("o", 0.02), ()
 
 
+def cones() -> Iterator[Case]:
+    """Noisy outputs whose denominators are parted: of order 1 to 3, of one and of two outputs."""
+    first = setid.TransferFunction(1, 1, offset=True)
+    yield "cones-first", record(60, "o", 40, 1, 0.2), first, noise_of("o", 0.2), ()
+    second = setid.TransferFunction(2, 2)
+    yield "cones-second", record(61, "o", 40, 2, 0.1), second, noise_of("o", 0.1), ()
+    rng, third = np.random.default_rng(62), setid.TransferFunction(3, 1, 1)
+    noise = setid.Noise(output=0.02)
+    made = setid.simulate_record(third, [-1.2, 0.5, -0.1, 1.0], rng.uniform(-1, 1, 40), noise, rng)
+    yield "cones-third", made.data, third, noise, (setid.Stable(),)
+    two = setid.TransferFunction([[1], [1]], 1, inputs=1, outputs=2)
+    noise = setid.Noise(output=0.1)
+    made = setid.simulate_record(two, [-0.7, 0.4, 1.0, 2.0], rng.uniform(-1, 1, 40), noise, rng)
+    yield "cones-outputs", made.data, two, noise, ()
+
+
 def identified(case: Case, seconds: float) -> Any:
-    """What setid proves of a case; those called simulated are treated as if they were long."""
-    few = mock.patch("setid.identify._MANY", 5 if case[0].startswith("simulated") else 200)
-    with warnings.catch_warnings(), few:
+    """What setid proves of a case; simulated ones and those of cones are treated as if long."""
+    short = case[0].startswith(("simulated", "cones"))
+    few = mock.patch("setid.identify._MANY", 5 if short else 200)
+    none = mock.patch("setid.identify.denominator_box", return_value=None)
+    simulated_only = none if case[0].startswith("simulated") else nullcontext()
+    with warnings.catch_warnings(), few, simulated_only:
         warnings.simplefilter("ignore")
-        return setid.identify(*case[1:], options=setid.Options(time_limit=seconds, progress=False))
+        tol = 0.3 if case[0].startswith("cones") else 1e-3
+        options = setid.Options(tol=tol, time_limit=seconds, progress=False)
+        return setid.identify(*case[1:], options=options)
 
 
 def strong(kind: str) -> Case:
