@@ -563,6 +563,7 @@ def _by_denominators(
     if not isinstance(box, RowBox | None):
         return None
     cones = denominator_box(formulation, box, attained, tol, deadline, executor)
+    task.deadline.stopped |= deadline.stopped
     if cones is None or cones.empty or not cones.cut_short:
         return cones
     return tightened_cascade(on_box(found, cones), cones, tol, task.deadline, 0) or cones

@@ -44,7 +44,7 @@ from setid.proofs.denominators.denominator_cells import (
 from setid.proofs.denominators.varying_multipliers import VaryingCells, family_refutes
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.errors import SparsePOPError
 from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
@@ -52,6 +52,7 @@ __all__ = ["denominator_box"]
 
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
+_Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
 _OPEN = VaryingLeaf((), (), ())
 _SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
@@ -104,7 +105,6 @@ def denominator_box(
         inside = np.maximum(start[0], first.lower), np.minimum(start[1], first.upper)
     trees, limits, complete = list[VaryingCells](), list[tuple[Limit, ...]](), True
     outputs = formulation.model.outputs
-    left = deadline.left
     for output in range(outputs):
         rows = output_rows(formulation, output)
         if rows is None or not _stretch(rows).size:
@@ -112,10 +112,11 @@ def denominator_box(
         programs = Programs(rows, _stretch(rows))
         if programs.free is None:
             continue
-        share = (_ALONE if left is None else left) / outputs
-        until = Deadline(min(share, inf if deadline.left is None else deadline.left))
+        parts = 1.0 / (outputs - output)
+        until = Deadline(parts * _ALONE) if deadline.left is None else deadline.part(parts)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
         complete &= search.run(tol)
+        deadline.stopped |= until.stopped
         trees.append(search.tree(output))
         limits.append(search.limits)
     if not trees:
@@ -170,8 +171,7 @@ class _Search:
             for column, _, _ in self._gains
         }
         self._kept = _Kept()
-        self._waiting: list[tuple[float, int, _Grown]] = []
-        self._done: list[_Grown] = []
+        self._waiting: list[tuple[_Order, int, _Grown]] = []
         self._count, self._share = 0, _SHARES[0]
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
@@ -188,26 +188,36 @@ class _Search:
             far = np.maximum(self._low - grown.low, grown.high - self._high) / self._width()
         return float(np.max(far[list(places)], initial=0.0))
 
-    def _order(self, grown: _Grown) -> float:
+    def _order(self, grown: _Grown) -> _Order:
         """Denominators first: of gains nothing is known before."""
         own = self._beyond(grown, [place for _, place in self._own])
         if own > self._share:
-            return -1e12 - own
-        return -self._beyond(grown, [place for _, place, _ in self._gains])
+            return 0, -own
+        return 1, -self._beyond(grown, [place for _, place, _ in self._gains])
+
+    def _is_far(self, order: _Order) -> bool:
+        return order[0] == 0 or -order[1] > self._share
 
     # ---- the search ------------------------------------------------------------------------
 
     def run(self, tol: float) -> bool:
         """Part cones until none reaches farther than is asked; whether time sufficed."""
-        for share in (*(share for share in _SHARES if share > tol), tol):
-            self._share = share
-            again, self._waiting = [g for _, _, g in self._waiting], []
-            for grown in again:
-                self._push(grown)
-            while self._waiting and -self._waiting[0][0] > share:
-                if self._ended:
-                    return False
-                self._advance()
+        try:
+            return all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
+        except EARLY as cause:
+            self._deadline.ended(cause)
+            return False
+
+    def _reached(self, share: float) -> bool:
+        """Part cones until none reaches farther than a share of the widths, or time ends."""
+        self._share = share
+        again, self._waiting = [grown for _, _, grown in self._waiting], []
+        for grown in again:
+            self._push(grown)
+        while self._waiting and self._is_far(self._waiting[0][0]):
+            if self._ended:
+                return False
+            self._advance()
         return True
 
     @property
@@ -218,7 +228,7 @@ class _Search:
     def _advance(self) -> None:
         """Refute, bound or part the cones that reach farthest."""
         batch: list[_Grown] = []
-        while self._waiting and len(batch) < self._ahead and -self._waiting[0][0] > self._share:
+        while self._waiting and len(batch) < self._ahead and self._is_far(self._waiting[0][0]):
             batch.append(heapq.heappop(self._waiting)[2])
         new = [grown for grown in batch if not grown.examined]
         tasks = [(self._cones, grown.node, _OVER) for grown in new]
@@ -228,12 +238,12 @@ class _Search:
                 refuted.add(grown.number)
         batch = [grown for grown in batch if grown.number not in refuted]
         if not self._ended:
-            self._limit([grown for grown in batch if self._order(grown) > -1e12])
+            self._limit([grown for grown in batch if self._order(grown)[0] == 1])
         for grown in batch:
-            if -self._order(grown) <= self._share or self._ended:
-                self._push(grown)
-            else:
+            if self._is_far(self._order(grown)) and not self._ended:
                 self._part(grown)
+            else:
+                self._push(grown)
 
     def _mapped(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         try:
@@ -328,13 +338,12 @@ class _Search:
         edge = self._edge(grown.node)
         parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
         if edge is None or parts is None:
-            self._done.append(grown)
             return
         first = len(self._kept.cells)
-        self._kept.cells[grown.number] = Cell((first, first + 1), *(edge[:2], edge[2]))
         for part in parts:
             node = grown.node._replace(cone=part, centred=False)
             self._file(node, grown.number, (grown.low, grown.high))
+        self._kept.cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
@@ -394,8 +403,7 @@ class _Search:
         return VaryingCells(output, self._free, table, cells)
 
     def _binding(self) -> list[Limit]:
-        left = [grown.number for _, _, grown in self._waiting]
-        left += [grown.number for grown in self._done]
+        left = [number for number, cell in enumerate(self._kept.cells) if cell is _OPEN]
         found = dict[tuple[int, int, int], Limit]()
         for number in left:
             best = dict[tuple[int, int], Limit]()
