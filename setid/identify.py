@@ -2,6 +2,7 @@
 
     formulate -> linear?  exact linear programs
               -> else     box from the data -> the engine, all ends over one feasible set
+                                            -> simulations, cones of denominators (long records)
 
 Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
 the box of the parameters comes from the data alone and is part of the proof; the engine
