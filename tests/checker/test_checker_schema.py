@@ -108,6 +108,7 @@ def test_results_are_valid(group):
         "o-0",
         "narx",
         "simulated-free-0",
+        "cones-second",
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("strong-o", "two-poles-o")),
     ],
 )

@@ -138,7 +138,7 @@ def _stretch(rows: OutputRows) -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class _Kept:
-    """What is proved of the cones, by numbers."""
+    """Proofs about cones, by number."""
 
     multipliers: list[Reals] = field(default_factory=list)
     cells: list[Cell | VaryingLeaf] = field(default_factory=list)
@@ -183,7 +183,7 @@ class _Search:
         return np.maximum(self._high - self._low, 1e-12 * size + _TINY)
 
     def _beyond(self, grown: _Grown, places: Sequence[int]) -> float:
-        """How far parameters reach beyond the attained ends, in their widths."""
+        """Distance of ends beyond the attained ones, the largest, in attained widths."""
         with np.errstate(invalid="ignore"):
             far = np.maximum(self._low - grown.low, grown.high - self._high) / self._width()
         return float(np.max(far[list(places)], initial=0.0))

@@ -50,7 +50,7 @@ _FILL = 16  # columns together, for compiled steps
 
 
 class Effort(NamedTuple):
-    """When a program is given up.
+    """Conditions under which a program is given up.
 
     Parameters
     ----------

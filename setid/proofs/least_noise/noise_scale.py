@@ -306,6 +306,8 @@ def _explained(found: NoiseScale) -> bool:
     if found.theta is None or found.witness is None:
         return False
     stated = _stated(found, found.scale[1])
+    if found.theta.shape != (len(stated.parameters),):
+        return False
     if found.witness.shape != (stated.problem.dimension,):
         return False
     point = proved_point(stated, stated.problem, found.witness)

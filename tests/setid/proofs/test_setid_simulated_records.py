@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -102,8 +103,10 @@ def test_what_is_no_simulation_from_readings() -> None:
 
 @pytest.fixture(scope="module")
 def found() -> setid.Identification:
+    """By simulations and the engine alone."""
     options = setid.Options(time_limit=60.0, progress=False)
-    return setid.identify(record(260), MODEL, setid.Noise(output=BOUND), options=options)
+    with mock.patch("setid.identify.denominator_box", return_value=None):
+        return setid.identify(record(260), MODEL, setid.Noise(output=BOUND), options=options)
 
 
 def test_a_record_is_closed_and_keeps_the_truth(found: setid.Identification) -> None:
@@ -141,6 +144,7 @@ def test_the_engine_closes_what_regions_leave_open(monkeypatch, parted: bool) ->
     monkeypatch.setattr(module, "_CELLS", 3)
     monkeypatch.setattr(module, "_NEAR", np.inf)
     monkeypatch.setattr(module, "_REGIONS", 100 if parted else 1000)
+    monkeypatch.setattr(module, "denominator_box", lambda *given: None)
     options = setid.Options(time_limit=60.0, progress=False)
     found = setid.identify(noisy(), MODEL, setid.Noise(output=0.05), options=options)
     assert (found.box.leaves > 1) == parted
