@@ -29,6 +29,7 @@ _MANY_ROWS = 60  # equations from which exact repair is not tried
 _CORNER_ROWS = 120  # linear rows that are solved together, which are sparse, at most
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
+_MARGIN = 0.1  # of a depth: less is as good as none
 _DENSE = 10_000  # entries of the largest Jacobian that is dense
 _ACTIVE = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
@@ -141,6 +142,7 @@ def _pull_inside(
     slopes, sizes, held = jacobian[active], size[active], values[active]
     slope = problem.objective_row.gradient(x)
     slope = slope / max(1e-300, np.abs(slope).sum())
+    shares = 1e-3, 1e-1 * depth / reach.max(initial=depth)  # no loss outweighs the margin then
     moved = x
     has_matrices = bool(problem.matrices.constraints.size)
     for _ in range(_CUTS if has_matrices else 1):
@@ -150,14 +152,19 @@ def _pull_inside(
             tight = (value <= 1e3 * depth * (1.0 + length)) & (length > 0)
             slopes = sps.csr_array(sps.vstack([slopes, row[tight]]))
             sizes, held = np.append(sizes, length[tight]), np.append(held, value[tight])
-        step = solve_lp(
-            np.append(1e-3 * slope, -1.0),
-            (slopes, sizes, held),
-            (jacobian[equal], -values[equal]),
-            (np.append(low, 0.0), np.append(high, depth)),
-        )
-        if step is None:
-            return None
+        step = np.zeros(n + 1)
+        for share in shares:
+            found = solve_lp(
+                np.append(share * slope, -1.0),
+                (slopes, sizes, held),
+                (jacobian[equal], -values[equal]),
+                (np.append(low, 0.0), np.append(high, depth)),
+            )
+            if found is None:
+                return None
+            step = found
+            if step[n] > _MARGIN * depth:
+                break
         moved = np.clip(x + step[:n], problem.lower, problem.upper)
         if not has_matrices or problem.matrices.least_eigenvalue(moved[None])[0] >= 0:
             break

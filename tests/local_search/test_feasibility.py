@@ -1,0 +1,28 @@
+"""Points near a corner at which rows are curved, moved to where they hold with a margin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py.local_search.feasibility import prove_feasible
+
+# Haverly's pooling problem (C. A. Haverly, SIGMAP Bulletin 25 (1978) 19-28), optimum -400
+POOLING = """min 6*x1 + 16*x2 - 9*x5 + 10*x6 + 10*x7 - 15*x8;
+s.t. x1 + x2 - x3 - x4 == 0; 0.03*x1 + 0.01*x2 - x3*x9 - x4*x9 == 0; x3 - x5 + x6 == 0;
+x4 + x7 - x8 == 0; -x3*x9 + 0.025*x5 - 0.02*x6 >= 0; -x4*x9 - 0.02*x7 + 0.015*x8 >= 0;
+x1 >= 0; 300 - x1 >= 0; x2 >= 0; 300 - x2 >= 0; x3 >= 0; 100 - x3 >= 0; x4 >= 0; 200 - x4 >= 0;
+x5 >= 0; 100 - x5 >= 0; x6 >= 0; 300 - x6 >= 0; x7 >= 0; 100 - x7 >= 0; x8 >= 0; 200 - x8 >= 0;
+x9 - 0.01 >= 0; 0.03 - x9 >= 0"""
+CORNER = np.array([0.0, 100.0, 0.0, 100.0, 0.0, 0.0, 100.0, 200.0, 0.01])
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-15, 1e-14, 1e-12, 1e-9])
+def test_points_are_found_however_rounding_falls(off: float) -> None:
+    """In doubles .015 * 200 is less than .02 * 100 + .01 * 100: the corner itself is outside."""
+    problem, random = sp.parse(POOLING), np.random.default_rng(0)
+    for _ in range(5):
+        near = CORNER + off * random.normal(size=9) * (1.0 + CORNER)
+        found = prove_feasible(problem, np.clip(near, problem.lower, problem.upper))
+        assert found is not None and -400.0 <= found.value <= -400.0 + 1e-3
