@@ -55,6 +55,7 @@ Ends = tuple[Reals, Reals]
 _Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
 _OPEN = VaryingLeaf((), (), ())
 _SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
+_FREE = 0.1  # the least, for orders from 3 on without a prior: nearer, the engine is faster
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
 _OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
 _LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
@@ -115,7 +116,8 @@ def denominator_box(
         parts = 1.0 / (outputs - output)
         until = Deadline(parts * _ALONE) if deadline.left is None else deadline.part(parts)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
-        complete &= search.run(tol)
+        free = rows.order > 2 and not rows.stable
+        complete &= search.run(max(tol, _FREE) if free else tol)
         deadline.stopped |= until.stopped
         trees.append(search.tree(output))
         limits.append(search.limits)
