@@ -278,7 +278,7 @@ def change(found, chance):
     return kind in ("free", "output", "edge")
 
 
-@pytest.mark.parametrize("name", CONES)
+@pytest.mark.parametrize("name", ["cones-first", "cones-second", "cones-outputs"])
 def test_damage_never_makes_a_wider_claim_pass(name):
     """What is damaged is refused, or leaves the box as it was: it holds without that part."""
     found, chance = loaded(name), random.Random(3)
