@@ -51,7 +51,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
 from setid.identifiability.reference import reference_model, refuse
-from setid.minimum_noise.cones.feasible_box import denominator_box
+from setid.minimum_noise.cones.feasible_box import denominator_box, settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
@@ -299,11 +299,11 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     """Settle all intervals; what stays open is also bounded without priors that add unknowns.
 
     Such a prior makes a larger problem, whose bounds can be weaker when time runs out. What
-    is proved without it holds with it. Long records of noisy outputs are settled by cones of
-    denominators, for which a prior adds nothing.
+    is proved without it holds with it. Cones of denominators do not see what such a prior adds.
     """
     kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
-    if len(kept) == len(formulation.priors) or _long_record(formulation) is not None:
+    by_cones = _long_record(formulation) is not None and settles(formulation)
+    if len(kept) == len(formulation.priors) or by_cones:
         return _settle(formulation, task)
     first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)
@@ -557,12 +557,11 @@ def _by_denominators(
     deadline: Deadline,
 ) -> ProvedBox | None:
     """A box from cones of denominators, and from one region where time ended before the gains'."""
-    count, tol = len(formulation.parameters), _ENDS * task.settings.tol
-    points = np.array(found.ends)[:, :count]
-    attained = points.min(axis=0), points.max(axis=0)
-    executor = task.settings.for_engine().executor
     if not isinstance(box, RowBox | None):
         return None
+    points = np.array(found.ends)[:, : len(formulation.parameters)]
+    attained, tol = (points.min(axis=0), points.max(axis=0)), _ENDS * task.settings.tol
+    executor = task.settings.for_engine().executor
     cones = denominator_box(formulation, box, attained, tol, deadline, executor)
     task.deadline.stopped |= deadline.stopped
     if cones is None or cones.empty or not cones.cut_short:

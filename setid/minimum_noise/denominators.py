@@ -22,7 +22,7 @@ from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
-from setid.minimum_noise.programs import Programs, longest_stretches, shifted
+from setid.minimum_noise.programs import Programs, programs_of, shifted
 from setid.proofs.denominators.denominator_cells import (
     Cell,
     Cone,
@@ -79,10 +79,9 @@ def least_output_noise(
     executor : concurrent.futures.Executor, optional
         Refutes several cones at once, where multipliers vary within each.
     """
-    section = longest_stretches(rows.row, rows.order)
-    if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
+    programs = programs_of(rows)
+    if programs is None:
         return FoundDenominators(0.0, None, ())
-    programs = Programs(rows, section)
     if programs.free is None:  # columns depend on each other: attained noise alone
         attained = AttainedNoise(programs, rows.stable)
         attained.explore(deadline)

@@ -12,7 +12,7 @@ from setid.minimum_noise.exchanges import Approximation, approximated
 from setid.proofs.denominators.denominator_cells import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
-__all__ = ["Programs", "longest_stretches", "shifted"]
+__all__ = ["Programs", "longest_stretches", "programs_of", "shifted"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -237,6 +237,19 @@ class Programs:
         for part in self._stretches:
             found[part] = _adjoint(a, errors[part.start : part.stop + self.order])
         return found
+
+
+def programs_of(rows: OutputRows) -> Programs | None:
+    """State the programs of the longest stretches; None where these have too few rows or no noise.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    """
+    section = longest_stretches(rows.row, rows.order)
+    if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
+        return None
+    return Programs(rows, section)
 
 
 def _adjoint(a: Reals, errors: Reals) -> Reals:

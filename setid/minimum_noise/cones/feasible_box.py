@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge
+from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge, monic
 from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, orthogonal
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
-from setid.minimum_noise.programs import Programs, longest_stretches
+from setid.minimum_noise.programs import Programs, programs_of
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
@@ -48,7 +48,7 @@ from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.errors import SparsePOPError
 from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
-__all__ = ["denominator_box"]
+__all__ = ["denominator_box", "settles"]
 
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
@@ -108,19 +108,17 @@ def denominator_box(
     outputs = formulation.model.outputs
     for output in range(outputs):
         rows = output_rows(formulation, output)
-        if rows is None or not _stretch(rows).size:
-            continue
-        programs = Programs(rows, _stretch(rows))
-        if programs.free is None:
+        programs = None if rows is None else programs_of(rows)
+        if rows is None or programs is None or programs.free is None:
             continue
         parts = 1.0 / (outputs - output)
         until = Deadline(parts * _ALONE) if deadline.left is None else deadline.part(parts)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
-        free = rows.order > 2 and not rows.stable
-        complete &= search.run(max(tol, _FREE) if free else tol)
+        complete &= search.run(tol if _is_fast(rows) else max(tol, _FREE))
         deadline.stopped |= until.stopped
-        trees.append(search.tree(output))
-        limits.append(search.limits)
+        tree, own = search.proved(output)
+        trees.append(tree)
+        limits.append(own)
     if not trees:
         return None
     unknown = frozen(np.full(len(start[0]), -inf)), frozen(np.full(len(start[0]), inf))
@@ -131,21 +129,20 @@ def denominator_box(
     return None if hull is None else replace(found, lower=frozen(hull[0]), upper=frozen(hull[1]))
 
 
-def _stretch(rows: OutputRows) -> NDArray[np.int64]:
-    """Rows that are used; none where there are too few."""
-    section = longest_stretches(rows.row, rows.order)
-    few = section.size <= rows.order + rows.known.shape[1] + 1
-    return section[:0] if few or not np.any(rows.bound > 0) else section
+def settles(formulation: Formulation) -> bool:
+    """Check that cones bring the ends of all outputs as near as is asked, given time.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    every = (output_rows(formulation, output) for output in range(formulation.model.outputs))
+    return all(rows is not None and _is_fast(rows) for rows in every)
 
 
-@dataclass(slots=True)
-class _Kept:
-    """Proofs about cones, by number."""
-
-    multipliers: list[Reals] = field(default_factory=list)
-    cells: list[Cell | VaryingLeaf] = field(default_factory=list)
-    limits: dict[tuple[int, int, int], Limit] = field(default_factory=dict)
-    wholes: list[int] = field(default_factory=list)
+def _is_fast(rows: OutputRows) -> bool:
+    """Check that cones are faster than the engine to the last: by the minors, or of low order."""
+    return rows.stable or rows.order < 3
 
 
 class _Search:
@@ -166,13 +163,16 @@ class _Search:
         at = {name: place for place, name in enumerate(formulation.parameters)}
         self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
         self._gains = [(c, at[name], s) for c, (name, s) in enumerate(rows.gains) if name in at]
-        self._low, self._high = attained[0].copy(), attained[1].copy()
+        self._low, self._high, self._inside = attained[0].copy(), attained[1].copy(), inside
         self._cones = ConePrograms(programs, rows.stable, deadline.left, EXACT)
         self._solvers = {
             column: ConePrograms(programs, rows.stable, deadline.left, EXACT, column)
             for column, _, _ in self._gains
         }
-        self._kept = _Kept()
+        self._multipliers: list[Reals] = []
+        self._cells: list[Cell | VaryingLeaf] = []  # by number, as what follows
+        self._wholes: list[int] = []  # -1 for the first ones
+        self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
         self._waiting: list[tuple[_Order, int, _Grown]] = []
         self._count, self._share = 0, _SHARES[0]
         for cone in first_cones(rows.order, rows.stable):
@@ -224,7 +224,7 @@ class _Search:
 
     @property
     def _ended(self) -> bool:
-        size = len(self._kept.multipliers) * 8.0 * self._rows.y.size
+        size = len(self._multipliers) * 8.0 * self._rows.y.size
         return size > _MEMORY or self._deadline.over
 
     def _advance(self) -> None:
@@ -261,7 +261,7 @@ class _Search:
             self._attain(found.tried)
         if found.bound is None:
             assert found.unstable is not None
-            self._kept.cells[grown.number] = found.unstable
+            self._cells[grown.number] = found.unstable
             return True
         if found.bound.factor < 1.0:
             return False
@@ -271,7 +271,7 @@ class _Search:
         doubt = doubts(self._rows, self._free, table)
         if doubt is None or not family_refutes(self._rows, table, doubt, grown.node.cone, leaf):
             return False
-        self._kept.cells[grown.number] = leaf._replace(used=(self._family(table),))
+        self._cells[grown.number] = leaf._replace(used=(self._family(table),))
         return True
 
     def _table(self, multipliers: Reals, bits: int = _BITS) -> Reals:
@@ -281,15 +281,19 @@ class _Search:
         return np.array([self._programs.whole(m) for m in np.round(multipliers / unit) * unit])
 
     def _attain(self, a: Reals) -> None:
-        """Note a consistent denominator that lies beyond those that were known."""
-        for lag, place in self._own:
-            value = float(a[lag + 1] / a[0])
-            self._low[place] = min(self._low[place], value)
-            self._high[place] = max(self._high[place], value)
+        """Note a consistent denominator, which no target may ask to be refuted."""
+        found = monic(a, False)
+        if found is None:
+            return
+        pairs = [(place, float(found[lag + 1])) for lag, place in self._own]
+        if all(self._inside[0][place] <= v <= self._inside[1][place] for place, v in pairs):
+            for place, value in pairs:
+                self._low[place] = min(self._low[place], value)
+                self._high[place] = max(self._high[place], value)
 
     def _family(self, multipliers: Reals) -> tuple[int, ...]:
-        begin = len(self._kept.multipliers)
-        self._kept.multipliers += list(multipliers)
+        begin = len(self._multipliers)
+        self._multipliers += list(multipliers)
         return tuple(range(begin, begin + len(multipliers)))
 
     def _limit(self, batch: Sequence[_Grown]) -> None:
@@ -329,7 +333,7 @@ class _Search:
         if not limit_holds(self._rows, self._free, table, cone, limit):
             return
         limit = limit._replace(used=self._family(table))
-        self._kept.limits[grown.number, column, sign] = limit
+        self._limits[grown.number, column, sign] = limit
         if upper:
             grown.high[place] = value
         else:
@@ -341,11 +345,11 @@ class _Search:
         parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
         if edge is None or parts is None:
             return
-        first = len(self._kept.cells)
+        first = len(self._cells)
         for part in parts:
             node = grown.node._replace(cone=part, centred=False)
             self._file(node, grown.number, (grown.low, grown.high))
-        self._kept.cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
+        self._cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
@@ -367,9 +371,9 @@ class _Search:
 
     def _file(self, node: ConeNode, whole: int, ends: Ends) -> None:
         """Number a cone; it is left out where it lies outside of what is known."""
-        number = len(self._kept.cells)
-        self._kept.cells.append(_OPEN)
-        self._kept.wholes.append(whole)
+        number = len(self._cells)
+        self._cells.append(_OPEN)
+        self._wholes.append(whole)
         low, high = ends[0].copy(), ends[1].copy()
         least, most = ratio_ends(node.cone)
         for lag, place in self._own:
@@ -383,47 +387,37 @@ class _Search:
 
     # ---- what is proved --------------------------------------------------------------------
 
-    @property
-    def limits(self) -> tuple[Limit, ...]:
-        """Limits that bind on a cone that is left, with multipliers as of :meth:`tree`."""
-        place = self._places()
-        return tuple(
-            limit._replace(used=tuple(place[m] for m in limit.used)) for limit in self._binding()
-        )
-
-    def tree(self, output: int) -> VaryingCells:
-        """All cones, with the multipliers that they and their limits use."""
-        place = self._places()
+    def proved(self, output: int) -> tuple[VaryingCells, tuple[Limit, ...]]:
+        """All cones, limits that bind on one that is left, and the multipliers of both."""
+        binding = self._binding()
+        used = {m for limit in binding for m in limit.used}
+        for cell in self._cells:
+            if isinstance(cell, VaryingLeaf):
+                used |= {m for family in cell.used for m in family}
+        place = {m: number for number, m in enumerate(sorted(used))}
         cells = tuple(
             cell
             if isinstance(cell, Cell)
             else cell._replace(used=tuple(tuple(place[m] for m in one) for one in cell.used))
-            for cell in self._kept.cells
+            for cell in self._cells
         )
-        table = np.array([self._kept.multipliers[m] for m in place])
+        limits = (one._replace(used=tuple(place[m] for m in one.used)) for one in binding)
+        table = np.array([self._multipliers[m] for m in place])
         table = table.reshape(len(place), self._rows.y.size)
-        return VaryingCells(output, self._free, table, cells)
+        return VaryingCells(output, self._free, table, cells), tuple(limits)
 
     def _binding(self) -> list[Limit]:
-        left = [number for number, cell in enumerate(self._kept.cells) if cell is _OPEN]
+        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN]
         found = dict[tuple[int, int, int], Limit]()
         for number in left:
             best = dict[tuple[int, int], Limit]()
             while number >= 0:
                 for column, _, _ in self._gains:
                     for sign in (1, -1):
-                        limit = self._kept.limits.get((number, column, sign))
+                        limit = self._limits.get((number, column, sign))
                         held = best.get((column, sign))
                         if limit and not (held and held.value <= limit.value):
                             best[column, sign] = limit
-                number = self._kept.wholes[number]
+                number = self._wholes[number]
             found.update({(one.cell, one.column, one.sign): one for one in best.values()})
         return list(found.values())
-
-    def _places(self) -> dict[int, int]:
-        """Numbers of the multipliers that are used, in their order."""
-        used = {m for limit in self._binding() for m in limit.used}
-        for cell in self._kept.cells:
-            if isinstance(cell, VaryingLeaf):
-                used |= {m for family in cell.used for m in family}
-        return {m: place for place, m in enumerate(sorted(used))}

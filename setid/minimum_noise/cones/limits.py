@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.cones.linear_programs import ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode
-from setid.minimum_noise.programs import shifted
+from setid.minimum_noise.cones.plain_steps import filtered_pairs
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
 __all__ = ["FoundLimit", "LimitTask", "limited", "orthogonal"]
@@ -80,10 +80,7 @@ def limited(task: LimitTask) -> FoundLimit:
     multipliers = orthogonal(found.multipliers, solver.basis)
     vectors = np.ldexp(cone.astype(np.float64), -np.array(powers)[:, None])
     one, two = np.array(pairs(len(cone))).T
-    ahead = np.array([shifted(programs.whole(m), programs.order) for m in multipliers])
-    ahead = ahead[:, :, programs.samples]
-    filtered = np.einsum("jv,kvs->jks", vectors, ahead)
-    both = filtered[one, two] + filtered[two, one]
+    both = filtered_pairs(multipliers, vectors, programs.y.size)
     needed = both @ programs.y - np.abs(both) @ programs.bound
     if found.minors.size:
         needed -= found.minors @ hurwitz_minors(cone, powers)

@@ -14,8 +14,18 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["Coupled", "Fixed", "Half", "Reduced", "Sized", "Totals", "advanced", "backward"]
-__all__ += ["eliminated", "forward", "paired_columns"]
+__all__ = [
+    "Coupled",
+    "Fixed",
+    "Half",
+    "Reduced",
+    "Sized",
+    "Totals",
+    "advanced",
+    "backward",
+    "filtered_pairs",
+]
+__all__ += ["eliminated", "filtered_pairs", "forward", "paired_columns"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -232,7 +242,7 @@ def backward(
     right = half.drive + reduced.columns @ solved
     back = _substituted(reduced.factor, right, transposed=True)
     multipliers = -back.reshape(-1, len(vectors)).T
-    filtered = _filtered(multipliers, vectors, w.size)
+    filtered = filtered_pairs(multipliers, vectors, w.size)
     pull = (fixed.target * change.weights[:, None] + change.dual_level) * w
     sizes = (half.size - pull) / reduced.total + reduced.skew * filtered
     slacks = np.array([at.sizes - at.filtered, at.sizes + at.filtered])
@@ -278,8 +288,8 @@ def paired_columns(filtered: Reals, vectors: Reals) -> Reals:
     return found.reshape(len(filtered), -1)
 
 
-def _filtered(multipliers: Reals, vectors: Reals, samples: int) -> Reals:
-    """Filter multipliers (K, R) by the vectors, (pairs, S)."""
+def filtered_pairs(multipliers: Reals, vectors: Reals, samples: int) -> Reals:
+    """Filter multipliers (K, R) by the vectors (K, n + 1), pair by pair, (pairs, S)."""
     size = len(vectors)
     padded = np.zeros((size, samples + size - 1))
     padded[:, size - 1 : samples] = multipliers

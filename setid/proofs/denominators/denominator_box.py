@@ -216,12 +216,6 @@ class DenominatorBox(Bounds):
         """True if time ended before all cones were small."""
         return not self.complete
 
-    @property
-    def open(self) -> tuple[str, ...]:
-        """Names of parameters that are not bounded on both sides."""
-        wide = np.isinf(self.lower) | np.isinf(self.upper)
-        return tuple(name for name, infinite in zip(self.names, wide, strict=True) if infinite)
-
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Check every leaf and every limit from the readings; there is no solver in it.
 

