@@ -60,7 +60,7 @@ from setid.models.general import from_unknown_start
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior
-from setid.proofs.existence import admitted, proved_point
+from setid.proofs.existence import admitted, proved_point, solved_rows
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 from setid.proofs.row_boxes import RowBox
@@ -440,10 +440,11 @@ def _attained_at(
     formulation: Formulation, scaled: InUnits, ends: Sequence[NDArray[np.float64]]
 ) -> tuple[sp.Result, ...]:
     """Results that claim the points near these vectors, where they are proved."""
-    made = []
+    made, known = [], solved_rows(formulation, scaled.problem)
     for objective, x in zip(objectives(formulation), ends, strict=True):
         about = scaled.problem.with_objective(scaled.asked(objective)[0])
-        made.append(attained_result(about, proved_point(formulation, about, x / scaled.units)))
+        point = proved_point(formulation, about, x / scaled.units, known)
+        made.append(attained_result(about, point))
     return tuple(made)
 
 
@@ -600,12 +601,12 @@ def _attained_ends(
     When time is over only the first is proved.
     """
     scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
-    made: list[sp.Result] = []
+    known, made = solved_rows(formulation, scaled.problem), list[sp.Result]()
     for number in ends:
         about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
         if found.ends and not (made and deadline.over):
             x = point_of(formulation, found.fitting, found.ends[number])
-            point = proved_point(formulation, about, x / scaled.units)
+            point = proved_point(formulation, about, x / scaled.units, known)
         made.append(attained_result(about, point))
     return tuple(made)
 
@@ -751,7 +752,8 @@ def _start(
         found = [end.x for end in search_ends(formulation, problem, start)]
     elif _equations(formulation) <= _MANY:
         return start, []
-    again = (proved_point(formulation, scaled.problem, x / scaled.units) for x in found)
+    known = solved_rows(formulation, scaled.problem)
+    again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
     return start, [point for point in again if point is not None]
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.formulation.completion import defined_unknowns, held_unknowns, polished
 from setid.formulation.formulation import Formulation
-from setid.proofs.existence import proved_point
+from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
 
@@ -60,14 +60,15 @@ def search_ends(
     inside = _polished(formulation, _least_noise(formulation, problem, start))
     if inside is None:
         return []
-    found = [proved_point(formulation, problem, inside)]
+    known = solved_rows(formulation, problem)
+    found = [proved_point(formulation, problem, inside, known)]
     within = _within(formulation, problem)
     for place in range(len(formulation.parameters)):
         for sign in (1.0, -1.0):
             goal = within.with_objective(sign * formulation.layout.polynomial(place))
             end = _end(formulation, goal, inside)
             if end is not None:
-                found.append(proved_point(formulation, problem, end))
+                found.append(proved_point(formulation, problem, end, known))
     return [point for point in found if point is not None]
 
 

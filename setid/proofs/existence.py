@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from graphlib import CycleError, TopologicalSorter
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +12,52 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 
-__all__ = ["admitted", "proved_point"]
+__all__ = ["SolvedRows", "admitted", "proved_point", "solved_rows"]
 
 _MANY = 200  # constraints beyond which they are checked in fixed point before rationals
 
 
+class SolvedRows(NamedTuple):
+    """Equations of a problem, and the unknown for which each is solved.
+
+    Parameters
+    ----------
+    rows, solved : (r,) int
+        Numbers of constraints and of variables.
+    in_turn : bool
+        Whether each row contains variables of rows before it alone, or follows such blocks.
+    """
+
+    rows: NDArray[np.int64]
+    solved: NDArray[np.int64]
+    in_turn: bool
+
+
+def solved_rows(formulation: Formulation, problem: sp.Problem) -> SolvedRows | None:
+    """Find the sample that each equation is solved for; None where one has none of its own.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sp.Problem
+        Its problem, or that on a box of the parameters. The objective does not count.
+    """
+    rows = np.flatnonzero(problem.equality)
+    solved, order = _newest(formulation, rows), None
+    if solved is None:
+        return None
+    if rows.size and len(problem.constraints) > _MANY:
+        order = _in_turn(problem, rows, solved)
+    if order is None:
+        return SolvedRows(rows, solved, False)
+    return SolvedRows(rows[order], solved[order], True)
+
+
 def proved_point(
-    formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
+    formulation: Formulation,
+    problem: sp.Problem,
+    x: NDArray[np.float64],
+    known: SolvedRows | None = None,
 ) -> sp.ProvedPoint | None:
     """Prove that a feasible point exists near x, solving equations for their newest samples.
 
@@ -27,17 +67,15 @@ def proved_point(
     problem : sp.Problem
         Its problem, or that on a box of the parameters.
     x : (n,) float
+    known : SolvedRows, optional
+        What :func:`solved_rows` says of the problem, where many points are proved.
     """
-    rows = np.flatnonzero(problem.equality)
-    solved = _newest(formulation, rows)
-    if solved is None:
+    known = known or solved_rows(formulation, problem)
+    if known is None:
         return None
-    order = None
-    if rows.size and len(problem.constraints) > _MANY:
-        order = _in_turn(problem, rows, solved)
-    if order is not None:
-        turned = rows[order], solved[order]
-        point = sp.ProvedPoint(x, inf, 0.0, "substitution", *turned).recheck(problem)
+    rows, solved, in_turn = known
+    if in_turn:
+        point = sp.ProvedPoint(x, inf, 0.0, "substitution", rows, solved).recheck(problem)
         if point is not None or rows.size > _MANY:
             return point
     for proof in ("exact", "krawczyk") if rows.size else ("exact",):

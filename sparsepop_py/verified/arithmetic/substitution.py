@@ -10,9 +10,10 @@ together, which are solved for in rationals. So the reflection coefficients that
 follow from a denominator, two by two.
 
 Where s_i is not zero over what encloses v_1, ..., v_{i-1}, v_i = -c_i / s_i exists and lies in the
-quotient of the ranges. Numbers are whole multiples of 2**-K. Enclosures widen from row to row by
-the sum of the magnitudes of the slopes at most, so K grows with the length of a record and the
-work with its square, divided by the length of a machine word.
+quotient of the ranges. Each end is a whole multiple of its row's 2**-K. Enclosures widen from row
+to row, by the sum of the magnitudes of the slopes at most, and K falls by as many bits, since more
+of them would say nothing. So the first K grows with the length of a record, and the work with its
+square, divided by the length of a machine word.
 
 References
 ----------
@@ -37,10 +38,19 @@ from sparsepop_py.verified.arithmetic.rational import solve_rationally
 
 __all__ = ["substituted"]
 
-_BITS = (256, 1024, 4096, 16384, 65536)
+_BITS, _MOST_BITS = 256, 65536  # the first K, and the largest
 _NARROW = 64  # bits below 1 that an enclosure has to be narrower than
+_WIDE = 32  # bits of a width; with more, ends are rounded to fewer
 _SIGNIFICANT, _LEAST_EXPONENT = 53, -1074  # of doubles
 Ends = tuple[int, int]
+
+
+class _Enclosure(NamedTuple):
+    """Ends in units of 2**-bits."""
+
+    low: int
+    high: int
+    bits: int
 
 
 def substituted(
@@ -70,11 +80,14 @@ def substituted(
     terms = _terms(system, x, place.tolist(), blocks[-1])
     if first is None or terms is None:
         return None
-    for bits in _BITS:
+    bits = _BITS
+    while True:
         found = _enclosures(first, terms, bits)
         if found is None or len(found) == solved.size:
-            return None if found is None else _as_doubles(x, solved, found, bits)
-    return None
+            return None if found is None else _as_doubles(x, solved, found)
+        if bits >= _MOST_BITS:
+            return None
+        bits = min(_more_bits(bits, len(found) / solved.size), _MOST_BITS)
 
 
 class _Term(NamedTuple):
@@ -148,41 +161,55 @@ def _dyadic(value: float) -> Ends:
     return top, 1 - bottom.bit_length()
 
 
-def _enclosures(first: list[Fraction], rows: list[list[_Term]], bits: int) -> list[Ends] | None:
-    """Ends of all variables in turn; fewer where one is too wide."""
+def _more_bits(bits: int, part: float) -> int:
+    """Bits with which all rows may be narrow where so many sufficed for a part of them."""
+    return int(min(max(1.1 * bits / max(part, 1e-9), 2.0 * bits), 16.0 * bits))
+
+
+def _enclosures(
+    first: list[Fraction], rows: list[list[_Term]], bits: int
+) -> list[_Enclosure] | None:
+    """Enclose all variables in turn; fewer where one is too wide."""
     found = [_around(value, bits) for value in first]
     for terms in rows:
         check()
-        rest = [_range(term, found, bits) for term in terms if not term.own]
+        own = max((found[n].bits for term in terms for n in term.before), default=bits)
+        rest = [_range(term, found, own) for term in terms if not term.own]
         negated = -sum(high for _, high in rest), -sum(low for low, _ in rest)
-        ends = _quotient(negated, _slope([term for term in terms if term.own], found, bits))
+        ends = _quotient(negated, _slope([term for term in terms if term.own], found, own))
         if ends is None:
             return None
-        if ends[1] - ends[0] > 1 << (bits - _NARROW):
+        if ends[1] - ends[0] > 1 << max(own - _NARROW, 0):
             break
-        found.append(ends)
+        found.append(_rounded(*ends, own))
     return found
 
 
-def _around(value: Fraction, bits: int) -> Ends:
-    """Ends of a rational number in units of 2**-bits."""
+def _around(value: Fraction, bits: int) -> _Enclosure:
+    """A rational number between ends in units of 2**-bits."""
     top, bottom = value.numerator << bits, value.denominator
-    return top // bottom, -(-top // bottom)
+    return _Enclosure(top // bottom, -(-top // bottom), bits)
 
 
-def _range(term: _Term, found: list[Ends], bits: int) -> Ends:
+def _rounded(low: int, high: int, bits: int) -> _Enclosure:
+    """Ends with as many bits as their width leaves a meaning."""
+    drop = max((high - low).bit_length() - _WIDE, 0)
+    return _Enclosure(*_shifted(low, high, -drop), bits - drop)
+
+
+def _range(term: _Term, found: list[_Enclosure], bits: int) -> Ends:
     """The range of a term without its own variable, in units of 2**-bits."""
     whole, exponent, before, _ = term
     if not before:
         return _shifted(whole, whole, exponent + bits)
-    low, high = found[before[0]]
+    low, high, unit = found[before[0]]
     for number in before[1:]:
-        a, b = found[number]
+        a, b, more = found[number]
         ends = low * a, low * b, high * a, high * b
-        low, high = _shifted(min(ends), max(ends), -bits)
+        low, high = _shifted(min(ends), max(ends), -more)
     if whole < 0:
         low, high = high, low
-    return _shifted(whole * low, whole * high, exponent)
+    return _shifted(whole * low, whole * high, exponent + bits - unit)
 
 
 def _shifted(low: int, high: int, exponent: int) -> Ends:
@@ -192,7 +219,7 @@ def _shifted(low: int, high: int, exponent: int) -> Ends:
     return low >> -exponent, -(-high >> -exponent)
 
 
-def _slope(terms: list[_Term], found: list[Ends], bits: int) -> tuple[int, int, int]:
+def _slope(terms: list[_Term], found: list[_Enclosure], bits: int) -> tuple[int, int, int]:
     """Ends of the slope in units of a power of two, and its exponent."""
     if not terms:
         return 0, 0, 0
@@ -220,10 +247,10 @@ def _quotient(ends: Ends, slope: tuple[int, int, int]) -> Ends | None:
 
 
 def _as_doubles(
-    x: NDArray[np.float64], solved: NDArray[np.int64], found: list[Ends], bits: int
+    x: NDArray[np.float64], solved: NDArray[np.int64], found: list[_Enclosure]
 ) -> Interval:
     low, high = x.copy(), x.copy()
-    for variable, (a, b) in zip(solved.tolist(), found, strict=True):
+    for variable, (a, b, bits) in zip(solved.tolist(), found, strict=True):
         low[variable], high[variable] = _double_below(a, bits), -_double_below(-b, bits)
     return Interval(low, high)
 

@@ -37,7 +37,7 @@ def solved_in_rationals(slopes, drive) -> list[Fraction]:
     found: list[Fraction] = []
     for k, value in enumerate(drive):
         past = [Fraction(a) * found[k - 1 - i] for i, a in enumerate(slopes) if k - 1 - i >= 0]
-        found.append(Fraction(float(value)) + sum(past, Fraction(0)))
+        found.append(Fraction(value) + sum(past, Fraction(0)))
     return found
 
 
@@ -57,6 +57,38 @@ def test_a_recursion_longer_than_its_first_bits_stays_narrow():
     exact = solved_in_rationals((1.5, -0.7), drive)
     assert holds(box, 399, exact[399])
     assert np.all(box.hi - box.lo <= 4e-16 * (1 + np.abs(box.hi)))
+
+
+def test_ends_keep_the_bits_that_their_width_leaves_a_meaning():
+    """Each row of x_k = 3 x_{k-1} - x_{k-2} + d_k widens by 2.62 or more, 1.39 bits; 3 x_0 = 1.
+
+    The last rows are products of an early and a late variable, in both orders.
+    """
+    slopes, drive = (3.0, -1.0), [Fraction(1, 3), *map(Fraction, range(-20, 277))]
+    x = sp.variables(300)
+    rows = [3 * x[0] == 1, x[1] - 3 * x[0] == float(drive[1])]
+    rows += [x[k] - 3 * x[k - 1] + x[k - 2] == float(drive[k]) for k in range(2, 298)]
+    rows += [x[298] == x[0] * x[297] - x[1], (x[297] + x[0]) * x[299] == x[290]]
+    place = np.arange(-1, 300).tolist()
+    terms = substitution._terms(system(sp.Problem(x[0], rows)), np.zeros(300), place, 0)
+    found, exact = substitution._enclosures([], terms, 600), solved_in_rationals(slopes, drive)
+    exact += [exact[0] * exact[297] - exact[1], exact[290] / (exact[297] + exact[0])]
+    assert len(found) == 300
+    for (low, high, bits), value in zip(found, exact, strict=True):
+        assert low <= value * Fraction(2) ** bits <= high
+        assert high - low < 2**35  # 32 bits, and what rounding and the last row add
+    assert found[0].bits == 600
+    assert found[297].bits < 600 - 1.3 * 250
+
+
+@given(st.integers(-(2**90), 2**90), st.integers(0, 2**80), st.integers(0, 200))
+@example(1, 2**33 - 1, 100)
+def test_rounded_ends_lie_outside(low, width, bits):
+    found, high = substitution._rounded(low, low + width, bits), low + width
+    unit = 1 << bits - found.bits
+    assert unit * found.low <= low
+    assert high <= unit * found.high
+    assert found.high - found.low <= min(width, 2**32 + 1)
 
 
 def test_squares_and_quotients_of_earlier_variables():
@@ -131,7 +163,7 @@ def test_blocks_follow_each_other():
 
 def test_first_rows_are_enclosed_by_few_bits(monkeypatch):
     """Two thirds lies between 10 and 11 sixteenths, one third between 5 and 6."""
-    monkeypatch.setattr(substitution, "_BITS", (4,))
+    few_bits(monkeypatch, 4)
     v, w = sp.variables(2)
     rows = system(sp.Problem(v, [v + w == 1, v - 2 * w == 0]))
     box = substituted(rows, np.zeros(2), np.array([0, 1]))
@@ -166,6 +198,11 @@ def test_growth_beyond_all_bits_proves_nothing():
     assert substituted(system(problem), np.zeros(count), np.arange(count)) is None
 
 
+def few_bits(monkeypatch, bits: int) -> None:
+    for name in ("_BITS", "_MOST_BITS"):
+        monkeypatch.setattr(substitution, name, bits)
+
+
 def random_triangle(rng) -> tuple[sp.Problem, np.ndarray, list[Fraction]]:
     """Rows (a + b v_j + c v_j v_k + x) v_i = d v_j + e v_j v_k v_l + f, and their solution."""
     count = 5
@@ -192,7 +229,7 @@ def random_triangle(rng) -> tuple[sp.Problem, np.ndarray, list[Fraction]]:
 @pytest.mark.parametrize("bits", [4, 7, 12])
 def test_enclosures_of_few_bits_hold_the_solution(monkeypatch, bits):
     """With few bits each rounding moves an end by much of the width."""
-    monkeypatch.setattr(substitution, "_BITS", (bits,))
+    few_bits(monkeypatch, bits)
     monkeypatch.setattr(substitution, "_NARROW", -100)
     rng, wide = np.random.default_rng(bits), 0
     for _ in range(150):
@@ -207,7 +244,7 @@ def test_enclosures_of_few_bits_hold_the_solution(monkeypatch, bits):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_products_of_wide_enclosures_of_both_signs(monkeypatch, sign):
     """With 4 bits 1024/3 lies in [320, 384]; minus its square is less than -320 * 384."""
-    monkeypatch.setattr(substitution, "_BITS", (4,))
+    few_bits(monkeypatch, 4)
     monkeypatch.setattr(substitution, "_NARROW", -100)
     t, v, w, z = sp.variables(4)
     rows = [3 * t == 1, v == 1024 * t, w == sign * 1024 * t, z == v * w]
