@@ -406,15 +406,15 @@ def test_an_offset_beside_partial_outputs_is_that_of_the_output(
     model: setid.TransferFunction,
 ) -> None:
     """Outputs by recursion, written here: each input has its own pole, and 1 is added."""
-    u = np.random.default_rng(0).uniform(-1.0, 1.0, (40, model.inputs))
-    theta, y = {"c": 1.0}, np.ones(40)
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, (24, model.inputs))
+    theta, y = {"c": 1.0}, np.ones(24)
     for j, (pole, gain) in enumerate([(0.15, -0.27), (0.44, 2.1)][: model.inputs]):
         transfer = model.transfer(1, j + 1)
         pole = pole if transfer.denominator else 0.0
         theta |= dict.fromkeys(transfer.denominator, -pole)
         theta |= dict.fromkeys(transfer.numerator, gain)
-        z = np.zeros(40)
-        for k in range(1, 40):
+        z = np.zeros(24)
+        for k in range(1, 24):
             z[k] = pole * z[k - 1] + gain * u[k - 1, j]
         y += z
     data, noise = setid.IOData(u, y), setid.Noise(output=0.001)

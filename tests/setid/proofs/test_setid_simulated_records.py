@@ -137,16 +137,16 @@ def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_e
 
 @pytest.mark.parametrize("parted", [True, False])
 def test_the_engine_closes_what_regions_leave_open(monkeypatch, parted: bool) -> None:
-    """Records count as long here, and as the longest, from 100 equations on."""
+    """Records count as long here, and as the longest, from 60 equations on."""
     module = sys.modules["setid.identify"]
-    monkeypatch.setattr(module, "_MANY", 100)
-    monkeypatch.setattr(module, "_LONG", 100)
+    monkeypatch.setattr(module, "_MANY", 60)
+    monkeypatch.setattr(module, "_LONG", 60)
     monkeypatch.setattr(module, "_CELLS", 3)
     monkeypatch.setattr(module, "_NEAR", np.inf)
-    monkeypatch.setattr(module, "_REGIONS", 100 if parted else 1000)
+    monkeypatch.setattr(module, "_REGIONS", 60 if parted else 1000)
     monkeypatch.setattr(module, "denominator_box", lambda *given: None)
     options = setid.Options(time_limit=60.0, progress=False)
-    found = setid.identify(noisy(), MODEL, setid.Noise(output=0.05), options=options)
+    found = setid.identify(noisy(80), MODEL, setid.Noise(output=0.05), options=options)
     assert (found.box.leaves > 1) == parted
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert item.outer[0] <= value <= item.outer[1]
