@@ -129,7 +129,7 @@ def test_what_no_network_explains_is_proved_empty(name: str) -> None:
 @pytest.mark.parametrize("name", ["sigmoid", "algebraic"])
 def test_other_smooth_neurons(name: str) -> None:
     data = planted(name, 20, 0.01)
-    found = neural.hidden_weights(structure(name), data, 0.012, weights=2.0, time_limit=2.0)
+    found = neural.hidden_weights(structure(name), data, 0.012, weights=2.0, time_limit=1.0)
     assert found.status == "partial" and found.verify()
     for key, value in TRUTH.items():
         assert found.intervals[key].outer[0] <= value <= found.intervals[key].outer[1]
