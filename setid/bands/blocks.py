@@ -2,14 +2,19 @@
 
 A map N(x) = sum_m gamma_m phi_m(x) is linear in its coefficients at each x: its range over
 the feasible set is that of a linear function over the cover of the parameters, and the
-engine narrows it where asked to. Internal signals that are no unknowns are maps of known
-inputs; the others have the bounds of their unknowns.
+engine narrows it where asked to. Internal signals that are no unknowns are maps of measured
+inputs u = u~ - xi, abs(xi) <= w. A monomial then differs from its value at the readings by at most
+
+    prod_i (abs(u~_i) + w_i)^p_i  -  prod_i abs(u~_i)^p_i,
+
+and the map by the sum of these, each times the largest size of its coefficient. Other internal
+signals have the bounds of their unknowns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +35,6 @@ from setid.proofs.existence import proved_point
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import recursion_of
-from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
 Reals = NDArray[np.float64]
+_EPS = float(np.finfo(float).eps)
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 
 
@@ -177,7 +182,8 @@ def static_band(
         values = members(result) @ slopes.T + constant
         low, high = values.min(axis=0), values.max(axis=0)
     else:
-        low, high = _proved(result, cover_of(result), slopes, constant, seconds)
+        off = _deviation(result, target, points, np.zeros_like(points))
+        low, high = _proved(result, slopes, constant, off, seconds)
     low, high = frozen(np.asarray(low, np.float64)), frozen(np.asarray(high, np.float64))
     arguments = item.arguments
     return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
@@ -239,13 +245,37 @@ def _directions(
     return slopes, constant
 
 
+def _deviation(result: FeasibleSet, target: str, points: Reals, reach: Reals) -> Reals:
+    """How far a map may be from its computed values (K,), by rounding and errors in arguments.
+
+    Functions that are given are taken as they are; they need arguments without errors.
+    """
+    model, _, item = _map_of(result, target)
+    low, high = result.outer_box
+    largest = dict(zip(result.formulation.parameters, np.maximum(-low, high), strict=True))
+    largest |= {name: abs(value) for name, value in model.fixed}
+    off, size, exact = np.zeros(len(points)), np.abs(points), ~np.any(reach > 0, axis=1)
+    for m, weight in enumerate(model.wiring.weights(target)):
+        powers = item.basis[m]
+        if callable(powers):
+            far = item.value(m, *points.T)
+            apart, rounding = np.where(exact, 0.0, inf), _EPS
+        else:
+            far = item.value(m, *(size + reach).T)
+            apart, rounding = far - item.value(m, *size.T), (4 + 2 * sum(powers)) * _EPS
+        apart = apart + rounding * np.abs(far)
+        off += np.where(apart > 0.0, largest[weight], 0.0) * np.where(apart > 0.0, apart, 0.0)
+    return off * _MORE
+
+
 def _proved(
-    result: FeasibleSet, cover: Cover, slopes: Reals, constant: Reals, seconds: float
+    result: FeasibleSet, slopes: Reals, constant: Reals, off: Reals, seconds: float
 ) -> tuple[Reals, Reals]:
-    ends = supports(cover, slopes)
+    """Ends of slopes times theta plus a constant, which may be ``off`` (K,) from the map."""
+    ends = supports(cover_of(result), slopes)
     if seconds > 0 and np.all(np.isfinite(ends)):
         ends = _narrowed(result, slopes, ends, seconds)
-    size = 8 * np.finfo(float).eps * (np.abs(ends).max(axis=1) + np.abs(constant))
+    size = off + 8 * _EPS * (np.abs(ends).max(axis=1) + np.abs(constant))
     return ends[:, 0] + constant - size, ends[:, 1] + constant + size
 
 
@@ -307,16 +337,34 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     item = dict(model.maps).get(name)
     if item is None or not all(a[0] == "u" for a in item.arguments):
         raise ModelError(f"name: found {name!r}, which is neither an unknown nor a map of inputs")
-    columns = np.stack([data.u[:, int(a[1:]) - 1] for a in item.arguments], axis=1)
-    rows = np.flatnonzero(~np.any(np.isnan(columns), axis=1))
-    bands = [static_band(result, name, columns[rows], kind) for kind in _kinds(result)]
-    parts = [end for band in (bands * 2)[:2] for end in (band.low, band.high)]
+    channels = np.array([int(argument[1:]) - 1 for argument in item.arguments])
+    rows = np.flatnonzero(~np.any(np.isnan(data.u[:, channels]), axis=1))
+    points = data.u[np.ix_(rows, channels)]
+    reach = result.formulation.noise.bounds(data)[1][np.ix_(rows, channels)]
+    off = _deviation(result, name, points, reach)
+    proved = _proved(result, *_directions(model, name, item, points), off, 0.0)
+    parts = (*proved, *_attained(result, name, rows, channels))
     return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
 
 
-def _kinds(result: FeasibleSet) -> Sequence[Kind]:
-    attained = any(item.inner is not None for item in result.intervals.values())
-    return ("proved", "sampled") if attained else ("proved",)
+def _attained(
+    result: FeasibleSet, name: str, rows: NDArray[np.int64], channels: NDArray[np.int64]
+) -> tuple[Reals, Reals]:
+    """Ends (K,) of a map of inputs over systems that are known; NaN where none is."""
+    model, target, item = _map_of(result, name)
+    data, layout = result.formulation.data, result.formulation.layout
+    theta, xi = layout.group("theta"), layout.group("xi")[np.ix_(rows, channels)]
+    readings, values = data.u[np.ix_(rows, channels)], list[Reals]()
+    seen = [np.asarray(w, float) for w in result.witnesses]
+    if seen and not np.any(xi >= 0):  # mixtures of them are consistent, too
+        slopes, constant = _directions(model, target, item, readings)
+        values = list(members(result) @ slopes.T + constant)
+    for x in seen if not values else ():
+        errors = np.where(xi >= 0, x[np.maximum(xi, 0)], 0.0)
+        slopes, constant = _directions(model, target, item, readings - errors)
+        values.append(slopes @ x[theta] + constant)
+    found = np.array(values) if values else np.full((1, rows.size), np.nan)
+    return found.min(axis=0), found.max(axis=0)
 
 
 def _spread(values: Reals, rows: NDArray[np.int64], samples: int) -> Reals:

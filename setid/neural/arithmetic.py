@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.definiteness import surely_semidefinite
 from sparsepop_py.verified.arithmetic.interval import Interval, down, matmul, require_ieee, up
 
@@ -38,6 +39,7 @@ __all__ = [
     "Interval",
     "LinearModel",
     "activate",
+    "at_least",
     "down",
     "enclose",
     "exp_negative",

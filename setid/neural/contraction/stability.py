@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number
-from setid.neural.arithmetic import Interval, down, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
     comparisons,
@@ -339,8 +339,8 @@ def _verify(net: Model, item: Condition, known: Comparison | None) -> Verificati
         return agreed(
             (item.lyapunov.rate == item.rate, "the rate is not that of the matrices"),
             (prove_lyapunov(difference_system(net), item.lyapunov), "the inequality fails"),
-            (bool(np.all(item.drive >= _input_gain(net))), "the gain of the inputs"),
-            (bool(np.all(item.error >= 1.0)), "the gain of the errors"),
+            (at_least(item.drive, _input_gain(net)), "the gain of the inputs"),
+            (at_least(item.error, np.ones(1)), "the gain of the errors"),
         )
     if known is None:
         return Verification(False, f"{item.name}: no such condition")
@@ -348,7 +348,7 @@ def _verify(net: Model, item: Condition, known: Comparison | None) -> Verificati
     return agreed(
         (good, f"{item.name}: the weights"),
         (good and rate_of(known.matrix, item.weights) <= item.rate < 1.0, f"{item.name}: the rate"),
-        (bool(np.all(item.drive >= known.drive)), f"{item.name}: the gain of the inputs"),
-        (bool(np.all(item.error >= known.error)), f"{item.name}: the gain of the errors"),
+        (at_least(item.drive, known.drive), f"{item.name}: the gain of the inputs"),
+        (at_least(item.error, known.error), f"{item.name}: the gain of the errors"),
         (item.norm == known.norm, f"{item.name}: the norm"),
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
-from setid.neural.arithmetic import Interval, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
 
@@ -70,8 +70,8 @@ class EquationError:
         with np.errstate(invalid="ignore"):
             return agreed(
                 (np.array_equal(again.row, self.row), "the rows are not those of the record"),
-                (bool(np.all(self.lower_bound <= again.lower_bound)), "the lower bound"),
-                (bool(np.all(self.upper_bound >= again.upper_bound)), "the upper bound"),
+                (at_least(again.lower_bound, self.lower_bound), "the lower bound"),
+                (at_least(self.upper_bound, again.upper_bound), "the upper bound"),
                 (not np.any(self.low > again.low), "the band is too high"),
                 (not np.any(self.high < again.high), "the band is too low"),
                 (self.status is again.status, "the status"),

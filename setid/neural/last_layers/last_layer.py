@@ -36,7 +36,7 @@ from setid import (
     parameter_box,
 )
 from setid.data.checks import FrozenMapping, natural, number
-from setid.neural.arithmetic import Interval, down, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
     Rows,
@@ -486,9 +486,9 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
     )
     return agreed(
         (item.factor[0] <= factor, "the least noise bound is not proved"),
-        (bool(np.all(item.outer.lo <= outer.lo)), "a lower end is not proved"),
-        (bool(np.all(item.outer.hi >= outer.hi)), "an upper end is not proved"),
-        (bool(np.all(item.reach >= reach)), "the size of theta is not proved"),
+        (at_least(outer.lo, item.outer.lo), "a lower end is not proved"),
+        (at_least(item.outer.hi, outer.hi), "an upper end is not proved"),
+        (at_least(item.reach, reach), "the size of theta is not proved"),
         (bool(np.all(surely_inside(rows, members))), "a member does not explain the record"),
         (attained, "an inner end is not attained"),
         (item.factor[1] >= _attained_factor(rows, item.centre), "the attained noise bound"),

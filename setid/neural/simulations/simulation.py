@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
-from setid.neural.arithmetic import Interval, down, enclose, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, down, enclose, require_ieee, up
 from setid.neural.models.network import Network, finite_array
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
@@ -88,8 +88,8 @@ class SimulationBand:
         """Simulate again and compare."""
         again = simulate_band(self.net, self.data, np.column_stack([self.x0.lo, self.x0.hi]))
         return agreed(
-            (bool(np.all(self.low <= again.low)), "the band is too high"),
-            (bool(np.all(self.high >= again.high)), "the band is too low"),
+            (at_least(again.low, self.low), "the band is too high"),
+            (at_least(self.high, again.high), "the band is too low"),
             (self.status is again.status, "the status"),
         )
 

@@ -33,6 +33,7 @@ from setid.models.block import BlockStructured
 from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
 from setid.proofs.cells.parts import Column, Parts, can_start, parts_of
 from setid.proofs.cells.unknown_start import depth, free_rows
+from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
 from sparsepop_py.verified.arithmetic.scalar_interval import Ends
 from sparsepop_py.verified.uncertain_rows.box import Bounds
@@ -89,8 +90,9 @@ class CellBox(Bounds):
         return (
             again is not None
             and np.array_equal(again.unknowns, self.unknowns)
-            and bool(np.all(again.lower >= self.lower) and np.all(again.upper <= self.upper))
-            and bool(np.all(again.low >= self.low) and np.all(again.high <= self.high))
+            and self.follow(again.lower, again.upper)
+            and at_least(again.low, self.low)
+            and at_least(self.high, again.high)
         )
 
     def _text(self) -> str:

@@ -232,7 +232,7 @@ class DenominatorBox(Bounds):
             return False
         if np.any(hull[0] > hull[1]):
             return True  # nothing is consistent: whatever is claimed holds
-        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+        return self.follow(*hull)
 
     def hull(self, formulation: Formulation, start: Reals) -> tuple[Reals, Reals] | None:
         """Compute what the cones leave of the first box; None where they are malformed.

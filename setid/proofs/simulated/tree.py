@@ -198,7 +198,7 @@ class SimulatedBox(Bounds):
             return False
         # where every leaf is empty, whatever is claimed holds
         p = len(formulation.parameters)
-        return bool(np.all(hull[0][:p] >= self.lower) and np.all(hull[1][:p] <= self.upper))
+        return self.follow(hull[0][:p], hull[1][:p])
 
     def _hull(
         self, formulation: Formulation, parts: Recursion, root: Region | None

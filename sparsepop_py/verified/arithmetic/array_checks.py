@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.errors import ProblemError
 
-__all__ = ["are_indices", "are_numbers", "frozen", "is_index", "read_only"]
+__all__ = ["are_indices", "are_numbers", "at_least", "frozen", "is_index", "read_only"]
 
 
 def read_only(values: Any, kinds: str, field: str, dimensions: int = 1) -> NDArray[Any]:
@@ -67,6 +67,17 @@ def are_indices(array: NDArray[Any], stop: int) -> bool:
 def are_numbers(array: NDArray[Any]) -> bool:
     """Check that entries are finite numbers that doubles hold without rounding."""
     return bool(array.dtype in (np.float64, np.float32) and np.all(np.isfinite(array)))
+
+
+def at_least(array: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Check that no entry is below that of another array, which has the same shape.
+
+    Parameters
+    ----------
+    array, other : array
+        Without this check of shapes an empty array would be at least anything.
+    """
+    return array.shape == other.shape and bool(np.all(array >= other))
 
 
 def is_index(number: object, stop: int) -> bool:

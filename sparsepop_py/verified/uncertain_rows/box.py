@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Bounds", "Box", "gained"]
@@ -35,6 +36,15 @@ class Bounds:
     def empty(self) -> bool:
         """True if it is proved that no parameter vector is consistent."""
         return bool(np.any(self.lower > self.upper))
+
+    def follow(self, low: Reals, high: Reals) -> bool:
+        """Check that they hold a box (p,) that is proved, with one pair of bounds a parameter.
+
+        Parameters
+        ----------
+        low, high : (p,) float
+        """
+        return at_least(low, self.lower) and at_least(self.upper, high)
 
     @property
     def cut_short(self) -> bool:

@@ -98,7 +98,7 @@ class DirectionBox(Bounds):
             least = min(least, certificate.bound * side.factor)
         if not least > 0 or not self.last.verify(rows, within(self.first, self.scale, least)):
             return False
-        return bool(np.all(self.last.lower >= self.lower) and np.all(self.last.upper <= self.upper))
+        return self.follow(self.last.lower, self.last.upper)
 
     @property
     def cut_short(self) -> bool:

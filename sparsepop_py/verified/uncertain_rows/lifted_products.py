@@ -72,7 +72,7 @@ class LiftedBox(Bounds):
             box = None if coupled is None else self._sharpened(rows, box, coupled)
         if box is None:
             return False
-        return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
+        return self.follow(*box)
 
     def _replayed(self, rows: ProductRows, start: Reals) -> Reals | None:
         """Replay all rounds; None where one of them does not hold."""

@@ -143,7 +143,7 @@ class ParameterBox(Bounds):
                 if found is None:
                     return False
                 box = found
-        return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
+        return self.follow(*box)
 
     @property
     def cut_short(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -403,6 +404,48 @@ class TestBands:
         texts = [t.get_text() for t in plot_diagram(result.formulation.model, result).texts]
         assert any("gamma2 in [" in text for text in texts)
         assert any("gamma1 = 1" in text for text in texts)
+
+    @pytest.mark.parametrize("seed", [0, 1])
+    def test_of_a_map_of_noisy_inputs(self, seed: int) -> None:
+        """y = .8 w(k-1), w = u + .3 u^2, with readings of u that are .05 off."""
+        rng = np.random.default_rng(seed)
+        u = rng.uniform(-1, 1, 20)
+        w = u + 0.3 * u**2
+        data = setid.IOData(u + 0.05 * rng.choice([-1.0, 1.0], 20), np.append(0, 0.8 * w[:-1]))
+        model = setid.Hammerstein(setid.TransferFunction(0, 1, 1), 2, normalise="gamma1")
+        noise = setid.Noise(output=1e-3, input=0.0501)
+        result = setid.identify(data, model, noise, setid.Box({"b1": (0, 3)}), QUICK)
+        assert "w" not in result.formulation.layout.groups
+        band = setid.signal_band(result, "w")
+        assert np.all((band.low <= w) & (w <= band.high)) and np.all(band.high - band.low < 0.5)
+        assert np.all((band.low <= band.sampled_low) & (band.sampled_high <= band.high))
+        theta, xi = (result.formulation.layout.group(name) for name in ("theta", "xi"))
+        for x in result.witnesses:
+            true = data.u[:, 0] - x[xi[:, 0]]
+            value = true + x[theta[1]] * true**2
+            known = xi[:, 0] >= 0
+            assert np.all((band.sampled_low <= value + 1e-9)[known])
+            assert np.all((value - 1e-9 <= band.sampled_high)[known])
+
+    def test_of_coefficients_that_cancel(self) -> None:
+        """1e9 u^3 - 1e7 u^5 + b u: near u = 10 doubles are 1e-4 off, and the band is narrower."""
+        model = setid.BlockStructured(
+            {("y1", "w"): setid.TransferFunction(0, 1, 0)},
+            {"w": StaticMap("u1", [(3,), (5,), (1,)])},
+            normalise={"gamma1": 1e9, "gamma2": -1e7, "b0": 1.0},
+        )
+
+        def exact(v: float, gain: Fraction) -> Fraction:
+            return 10**9 * Fraction(v) ** 3 - 10**7 * Fraction(v) ** 5 + gain * Fraction(v)
+
+        u = np.linspace(0.1, 1.0, 12)
+        data = setid.IOData(u, [float(exact(v, Fraction(1))) for v in u.tolist()])
+        result = setid.identify(data, model, setid.Noise(output=1e-6), options=QUICK)
+        gains = [Fraction(end) for end in result.intervals["gamma3"].inner]
+        x = np.linspace(9.99, 10.01, 40)
+        band = setid.static_band(result, x=x)
+        for low, high, v in zip(band.low.tolist(), band.high.tolist(), x.tolist(), strict=True):
+            assert all(low <= exact(v, gain) <= high for gain in gains)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
@@ -13,10 +14,13 @@ import pytest
 import setid
 from setid.formulation.completion import affine
 from setid.proofs.cells.output_cells import CellBox, cell_box
+from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.existence import admitted
 from setid.proofs.least_noise.least_error import OutputErrors, stated, verify_output
 from setid.proofs.parameter_box import ParameterBox, box_follows, problem_on_box, start_of
 from setid.proofs.uniqueness.unbounded import Unbounded, moved_parameters, simpler_structures
+from setid.result.json_parts import write
+from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -54,6 +58,46 @@ def test_boxes_of_cells_are_checked() -> None:
     assert isinstance(box, CellBox) and box_follows(box, known)
     far = np.full(box.lower.size, 3.0)
     assert not box_follows(replace(box, lower=box.lower + far, upper=box.upper + far), known)
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (1, 2), (0,), (1,), (2, 1), (2, 2)])
+def test_boxes_have_one_pair_of_ends_a_parameter(shape: tuple[int, ...]) -> None:
+    """No end is above those of an empty array, and few are above those of a row."""
+    known = first_order()
+    assert known.smoothed is not None
+    box = parameter_box(known.smoothed, start_of(known))
+    low, high = np.full(shape, -9.0), np.full(shape, 9.0)
+    assert box_follows(replace(box, lower=np.full(2, -9.0), upper=np.full(2, 9.0)), known)
+    for other in (replace(box, lower=low), replace(box, upper=high)):
+        assert not box_follows(other, known)
+    first = ParameterBox(box.names, low, high, start_of(known), ())
+    for within in (box.lower, np.array([0.2, 5.0])):
+        nested = DenominatorBox(box.names, within, within + 1.0, first, (), ())
+        assert not box_follows(nested, known)
+
+
+def test_stored_boxes_without_ends_are_refused() -> None:
+    """The first box claims nothing of nothing, so that any second one would follow."""
+    u = np.random.default_rng(0).normal(size=40)
+    y = np.array([sum(0.7 ** (k - 1 - i) * u[i] for i in range(k)) for k in range(40)])
+    given = setid.IOData(u, y), ONE, setid.Noise(output=0.1)
+    found = setid.identify(*given, options=setid.Options(progress=False))
+    none, names = np.zeros((0, 2)), found.formulation.parameters
+    first = ParameterBox(names, none, none, none, ())
+    box = DenominatorBox(names, np.array([0.2, 5.0]), np.array([0.3, 6.0]), first, (), ())
+    text = json.loads(found.to_json())
+    problem = problem_on_box(found.formulation, box)
+    none_of_them = CERTIFICATES.write([])
+    text["result"] |= {
+        "box": write(box),
+        "fingerprint": problem.fingerprint,
+        "ends": {"attained": [], "results": [], "certificates": none_of_them},
+    }
+    for place, item in enumerate(text["result"]["intervals"]):
+        outer = [float(box.lower[place]), float(box.upper[place])]
+        item |= {"outer": outer, "inner": None, "status": "PARTIAL", "witnesses": [None, None]}
+    with pytest.raises(setid.SetidError, match="box"):
+        setid.Identification.from_json(json.dumps(text))
 
 
 def test_the_problem_on_a_box_keeps_the_bounds_of_priors() -> None:

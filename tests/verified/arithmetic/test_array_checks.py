@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from sparsepop_py.verified.arithmetic.array_cache import interned
-from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers, is_index
+from sparsepop_py.verified.arithmetic.array_checks import (
+    are_indices,
+    are_numbers,
+    at_least,
+    is_index,
+)
 
 
 @pytest.mark.parametrize("kind", [np.int32, np.int64])
@@ -23,6 +28,15 @@ def test_indices_run_from_zero_to_below_the_stop(kind, values, sound):
 )
 def test_indices_of_types_that_wrap_or_are_no_integers_are_refused(kind):
     assert not are_indices(np.array([0, 1]).astype(kind), 5)
+
+
+def test_arrays_are_compared_entry_by_entry_with_those_of_their_shape():
+    one = np.array([1.0, -2.0])
+    assert at_least(one, one) and at_least(one, np.array([1.0, -np.inf]))
+    for other in ([1.0, -1.9], [1.1, -2.0], [np.nan, -2.0]):
+        assert not at_least(one, np.array(other))
+    for other in (np.zeros(0), np.zeros((0, 2)), np.full(1, -9.0), np.full((2, 1), -9.0)):
+        assert not at_least(one, other) and not at_least(other, one + 99.0)
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])

@@ -51,6 +51,15 @@ def test_rows_are_copies_that_nobody_changes() -> None:
         rows.target[0] = 7.0
 
 
+def test_bounds_follow_from_a_box_inside():
+    wide = Bounds(("a", "b"), np.array([-1.0, -inf]), np.array([2.0, 0.0]))
+    assert wide.follow(np.array([-1.0, -5.0]), np.array([2.0, 0.0]))
+    assert not wide.follow(np.array([-1.0, -5.0]), np.array([2.0, 0.1]))
+    assert not wide.follow(np.array([-1.1, -5.0]), np.array([2.0, 0.0]))
+    none = Bounds(("a", "b"), np.zeros((0, 2)), np.zeros((0, 2)))
+    assert not none.follow(np.array([-1.0, -5.0]), np.array([2.0, 0.0]))
+
+
 def test_margins_by_hand() -> None:
     """|-2 + m| <= 1/4 + |m| / 2 and |1 - 3 m| <= 0, at m = -2 and m = 2."""
     rows = UncertainRows(("m",), **GOOD)
