@@ -80,7 +80,7 @@ from setid.result.assembling import (
 from setid.result.holdout import Holdout, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
-from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["identify"]
@@ -97,6 +97,7 @@ _FIT = 0.6  # ... and of a long record from one
 _MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
+_STOPPED = "interrupted in the search for a box from the data"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
 _LEAST = 1e-3  # seconds for the part that is, when the time is over
@@ -149,7 +150,8 @@ def identify(
     -------
     Identification
         An empty feasible set, unbounded intervals and open gaps are statuses of the result,
-        never exceptions. Ctrl-C ends the work; what is proved by then is returned.
+        never exceptions. Ctrl-C ends the work; what is proved by then is returned. Before the
+        problem is stated there is nothing to return, and the interrupt goes on.
 
     Raises
     ------
@@ -262,11 +264,12 @@ class _Task:
             _LOG.debug("%s: %.3f CPU seconds", stage, spent)
 
     def kept(self, stage: str, work: Callable[[], Any], otherwise: Any) -> Any:
-        """Do timed work within the limits; what there is otherwise if time ends before it does."""
+        """Do timed work within the limits; what there is otherwise if it is ended before."""
         try:
             with self.deadline.kept():
                 return self.timed(stage, work)
-        except LimitReached:
+        except EARLY as cause:
+            self.deadline.ended(cause)
             return otherwise
 
     def empty(self, formulation: Formulation, outcome: Outcome) -> Identification:
@@ -394,7 +397,7 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
     late = object()
     box = task.kept("box", lambda: find_box(formulation, task.until), late)
     if box is late:
-        box, notes = None, (*notes, _NO_BOX)
+        box, notes = None, (*notes, _STOPPED if task.deadline.stopped else _NO_BOX)
     if box is not None and box.empty:
         left = min(_SEARCH, task.until - time.monotonic())
         keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
@@ -564,7 +567,6 @@ def _by_denominators(
     attained, tol = (points.min(axis=0), points.max(axis=0)), _ENDS * task.settings.tol
     executor = task.settings.for_engine().executor
     cones = denominator_box(formulation, box, attained, tol, deadline, executor)
-    task.deadline.stopped |= deadline.stopped
     if cones is None or cones.empty or not cones.cut_short:
         return cones
     return tightened_cascade(on_box(found, cones), cones, tol, task.deadline, 0) or cones
@@ -606,7 +608,10 @@ def _attained_ends(
         about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
         if found.ends and not (made and deadline.over):
             x = point_of(formulation, found.fitting, found.ends[number])
-            point = proved_point(formulation, about, x / scaled.units, known)
+            try:
+                point = proved_point(formulation, about, x / scaled.units, known)
+            except EARLY as cause:
+                deadline.ended(cause)
         made.append(attained_result(about, point))
     return tuple(made)
 

@@ -155,6 +155,7 @@ class Deadline:
         self._limit, self._cpu_limit = limit, cpu_limit
         self._last = None if work_limit is None else spent() + work_limit
         self.stopped = False
+        self._whole: Deadline | None = None  # of which this is a part
         self.cut = False  # something was not begun since it would have taken too long
 
     def charge(self, seconds: float) -> None:
@@ -162,12 +163,15 @@ class Deadline:
         self._begin_cpu -= seconds
 
     def stop(self) -> None:
-        """End now: the user interrupted."""
+        """End now, and all that this is a part of: the user interrupted."""
         self.stopped = True
+        if self._whole is not None:
+            self._whole.stop()
 
     def ended(self, cause: BaseException) -> None:
         """Note what ended the work early: an interrupt by the user ends all of it."""
-        self.stopped |= isinstance(cause, KeyboardInterrupt)
+        if isinstance(cause, KeyboardInterrupt):
+            self.stop()
 
     @property
     def counts_work(self) -> bool:
@@ -214,12 +218,20 @@ class Deadline:
         """True if a limit in time has passed, whatever work was done."""
         return self.stopped or time.monotonic() >= self.end
 
-    def part(self, share: float) -> Deadline:
-        """Return a deadline after a share of the time left."""
+    def part(self, share: float, otherwise: float | None = None) -> Deadline:
+        """Return a deadline after a share of the time left; an interrupt of it ends the whole.
+
+        Parameters
+        ----------
+        share : float
+        otherwise : float, optional
+            Seconds where there is no limit in time.
+        """
         wall, cpu = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
-        found = Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
-        found.stopped = self.stopped
+        cpu_left = None if self.cpu_left is None else share * self.cpu_left
+        found = Deadline(otherwise if left is cpu_left is None else left, None, cpu_left)
+        found.stopped, found._whole = self.stopped, self
         return found
 
     @property
@@ -271,7 +283,12 @@ class Deadline:
     def __getstate__(self) -> dict[str, Any]:
         """Store what is left of each limit, and what has passed."""
         now, now_cpu = time.monotonic(), time.process_time()
-        state = dict(self.__dict__, _begin=self._begin - now, _begin_cpu=self._begin_cpu - now_cpu)
+        state = dict(
+            self.__dict__,
+            _whole=None,
+            _begin=self._begin - now,
+            _begin_cpu=self._begin_cpu - now_cpu,
+        )
         return state | {"_last": None if self._last is None else self._last - spent()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

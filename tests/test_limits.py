@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import pickle
 import sys
 import threading
 import time
@@ -97,6 +98,19 @@ def test_a_part_of_what_is_left(clocks):
     assert part.wall_end == clocks.wall + 2.5
     assert part.cpu_left == 2.0
     assert Deadline().part(0.5).left is None
+    assert 1.9 < Deadline().part(0.5, otherwise=2.0).left <= 2.0
+    assert deadline.part(0.5, otherwise=1e9).left < 1e8
+
+
+def test_an_interrupt_of_a_part_ends_the_whole():
+    whole = Deadline(100.0)
+    part = whole.part(0.5).part(0.5)
+    part.ended(LimitReached())
+    assert not (part.stopped or whole.stopped)
+    pickle.loads(pickle.dumps(part)).stop()
+    assert not whole.stopped
+    part.ended(KeyboardInterrupt())
+    assert part.stopped and whole.stopped and whole.over
 
 
 def test_threads_keep_their_own_limits():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -377,6 +378,40 @@ def test_an_interrupt_returns_what_is_proved(monkeypatch: pytest.MonkeyPatch) ->
     result = setid.identify(truth.data, SECOND, noise, options=QUICK)
     assert np.all(np.isfinite(ends(result))) and bool(result.verify())
     assert all(v in result.intervals[n] for n, v in truth.theta.items())
+
+
+LONG = setid.simulate_record(
+    setid.TransferFunction(1, 1, 1),
+    [-0.5, 2.0],
+    np.random.default_rng(8).uniform(-1, 1, 210),
+    setid.Noise(output=0.05),
+    seed=1,
+)
+
+
+@pytest.mark.parametrize(
+    ("stage", "noise"),
+    [
+        ("find_box", setid.Noise(output=0.05)),
+        ("cascade_ends", setid.Noise(output=0.05)),
+        ("tightened_cascade", setid.Noise(output=0.05)),
+        ("proved_point", setid.Noise(output=0.05)),
+        ("linear_bounds", setid.Noise(equation=0.2)),
+        ("first_point", setid.Noise(output=0.05, input=0.01)),
+    ],
+)
+def test_an_interrupt_at_any_stage_returns_a_result(
+    monkeypatch: pytest.MonkeyPatch, stage: str, noise: setid.Noise
+) -> None:
+    def interrupt(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    module = sys.modules["setid.identify"]
+    monkeypatch.setattr(module.sp if stage == "linear_bounds" else module, stage, interrupt)
+    result = setid.identify(LONG.data, setid.TransferFunction(1, 1, 1), noise, options=QUICK)
+    assert bool(result.verify()) and not result.empty
+    assert all(v in result.intervals[n] for n, v in zip(("a1", "b1"), (-0.5, 2.0), strict=True))
+    assert any("interrupted" in note for note in result.notes) == (stage == "find_box")
 
 
 def test_a_time_limit_leaves_honest_gaps() -> None:

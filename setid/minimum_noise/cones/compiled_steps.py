@@ -3,7 +3,8 @@
 The same functions as in ``plain_steps.py``. What is made of an entry is made in one pass, and the
 banded factor is read once for all right-hand sides. Row i of an array of the factor holds column i
 of its lower band, padded to whole vectors, with the inverse of the diagonal entry. Python's lock is
-free meanwhile.
+free meanwhile. What is compiled fills arrays that are given to it and returns a number or nothing:
+for other results numba calls Python, and does not survive an interrupt that is raised there.
 """
 
 # mypy: disallow-untyped-defs=False
@@ -32,20 +33,62 @@ _ROWS = 128  # whose products are added at once
 
 def are_kept() -> bool:
     """Check that no step has to be compiled."""
-    return all(map(is_kept, (advanced, backward, eliminated, forward)))
+    return all(map(is_kept, (_advanced, _backward, _eliminated, _forward)))
+
+
+def eliminated(at, weights, fixed):
+    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
+    shape, (count, width), pairs = at.sizes.shape, fixed.columns.shape, len(weights)
+    reach = _padded(len(fixed.vectors) ** 2)
+    solved = np.zeros((count + reach, reach)), fixed.columns.copy(), np.zeros(pairs)
+    both, skew = np.empty((2, *shape))
+    found = both, skew, *solved, np.zeros((width, width)), np.zeros(count)
+    return Reduced(_eliminated(at, weights, fixed, found), *found)
+
+
+def forward(aim, at, step, now, fixed, reduced):
+    """Solve for half of a direction in which products of slacks and duals become ``aim``."""
+    shape, (count, width) = at.sizes.shape, fixed.columns.shape
+    first, second, size = np.empty((3, *shape))
+    found = Half(first, second, size, np.zeros(shape[0]), np.empty(count), np.empty(width))
+    _forward(aim, at, step, now, fixed, reduced, found)
+    return found
+
+
+def backward(solved, half, at, change, fixed, reduced):
+    """Solve for the other half of a direction."""
+    size, samples = len(fixed.vectors), fixed.w.size
+    padded, filtered = np.zeros((size, samples + size - 1)), np.zeros(at.sizes.shape)
+    one, two, three = np.empty((3, *at.sizes.shape))
+    sized, least, sums = Sized(one, filtered, two, three), np.zeros(2), np.zeros(4)
+    _backward(solved, half, at, change, fixed, reduced, (padded, sized, least, sums))
+    return padded[:, size - 1 : samples].copy(), sized, least, sums
+
+
+def advanced(at, step, primal, dual, multipliers, fixed):
+    """Go a part of a direction, in sizes and in their dual values."""
+    shape, width = at.sizes.shape, fixed.columns.shape[1]
+    sized = Sized(*np.empty((4, *shape)))
+    totals = Totals(np.zeros(shape[0]), np.zeros(shape[0]), np.empty(width))
+    _advanced(at, step, primal, dual, multipliers, fixed, sized, totals)
+    return sized, totals
+
+
+def _padded(width: int) -> int:
+    """Fill whole vectors."""
+    return (width + LANES - 1) // LANES * LANES
 
 
 @jit
-def eliminated(at, weights, fixed):
-    """Eliminate sizes, factor the matrix of multipliers, and solve for the columns beside it."""
+def _eliminated(at, weights, fixed, found):
     w, pairs = fixed.w, len(weights)
-    both, skew, middle = _ratios(at)
-    factor = _band(middle, fixed.vectors, fixed.places)
+    both, skew, factor, columns, curve, inner, loss = found
+    middle = np.empty(at.sizes.shape)
+    _ratios(at, both, skew, middle)
+    _band(middle, fixed.vectors, fixed.places, factor)
     _silence(factor, fixed.silent)
-    columns = fixed.columns.copy()
-    count, width = columns.shape
+    count = len(columns)
     fine = _factored(factor, count, np.zeros(2 * factor.shape[1]))
-    curve, inner, loss = np.zeros(pairs), np.zeros((width, width)), np.zeros(count)
     for p in range(pairs):
         whole = both[p]
         for i in range(w.size):
@@ -58,15 +101,14 @@ def eliminated(at, weights, fixed):
         columns[fixed.silent] = 0.0
         _substitute(factor, columns, count)
         _products(columns, inner)
-    return Reduced(fine, both, skew, factor, columns, curve, inner, loss)
+    return fine
 
 
 @jit
-def forward(aim, at, step, now, fixed, reduced):
-    """Solve for half of a direction in which products of slacks and duals become ``aim``."""
+def _forward(aim, at, step, now, fixed, reduced, found):
     shape, w = at.sizes.shape, fixed.w
-    first, second, sizes = np.empty(shape), np.empty(shape), np.empty(shape)
-    push, moved = np.empty(shape), np.zeros(shape[0])
+    first, second, sizes, moved = found.first, found.second, found.size, found.moved
+    push = np.empty(shape)
     for p in range(shape[0]):
         level = fixed.target * now.weights[p] + now.dual_level
         for i in range(shape[1]):
@@ -91,35 +133,32 @@ def forward(aim, at, step, now, fixed, reduced):
             to = start + i * WORD + v
             store(to, load(to) - by * load(base + i * width * WORD + v))
         drive[i] = value
-    drive = drive[:count].copy()
-    return Half(first, second, sizes, moved, drive, drive @ reduced.columns)
+    found.drive[:] = drive[:count]
+    found.inner[:] = found.drive @ reduced.columns
 
 
 @jit
-def backward(solved, half, at, change, fixed, reduced):
-    """Solve for the other half of a direction."""
+def _backward(solved, half, at, change, fixed, reduced, found):
+    padded, sized, least, sums = found
     shape, w, size = at.sizes.shape, fixed.w, len(fixed.vectors)
     n, rows = size - 1, w.size - size + 1
     back = _substitute_back(reduced.factor, half.drive + reduced.columns @ solved)
-    padded = np.zeros((size, w.size + n))
     for c in range(size):
         for r in range(rows):
             padded[c, n + r] = -back[r * size + c]
-    filtered = _filter(padded, fixed)
-    sizes, above, below = np.empty(shape), np.empty(shape), np.empty(shape)
-    least, sums = np.zeros(2), np.zeros(4)
+    _filter(padded, fixed, sized.filtered)
     for p in range(shape[0]):
         level = fixed.target * change.weights[p] + change.dual_level
         primal, dual = 0.0, 0.0
         for i in range(shape[1]):
-            inside = filtered[p, i]
+            inside = sized.filtered[p, i]
             turn = (half.size[p, i] - level * w[i]) / reduced.total[p, i]
             turn += reduced.skew[p, i] * inside
             down, up = at.sizes[p, i] - at.filtered[p, i], at.sizes[p, i] + at.filtered[p, i]
             u, v = at.above[p, i], at.below[p, i]
             less, more = (turn - inside) / down, (turn + inside) / up
             x, y = half.first[p, i] - u - u * less, half.second[p, i] - v - v * more
-            sizes[p, i], above[p, i], below[p, i] = turn, x, y
+            sized.sizes[p, i], sized.above[p, i], sized.below[p, i] = turn, x, y
             primal = min(primal, min(less, more))
             dual = min(dual, min(x / u, y / v))
             sums[0] += down * u + up * v
@@ -127,34 +166,27 @@ def backward(solved, half, at, change, fixed, reduced):
             sums[2] += down * x + up * y
             sums[3] += (turn - inside) * x + (turn + inside) * y
         least[0], least[1] = min(least[0], primal), min(least[1], dual)
-    return padded[:, n : n + rows].copy(), Sized(sizes, filtered, above, below), least, sums
 
 
 @jit
-def advanced(at, step, primal, dual, multipliers, fixed):
-    """Go a part of a direction, in sizes and in their dual values."""
+def _advanced(at, step, primal, dual, multipliers, fixed, sized, totals):
     shape, w = at.sizes.shape, fixed.w
-    sizes, filtered = np.empty(shape), np.empty(shape)
-    above, below = np.empty(shape), np.empty(shape)
-    whole, noise = np.zeros(shape[0]), np.zeros(shape[0])
     for p in range(shape[0]):
         for i in range(shape[1]):
             size = at.sizes[p, i] + primal * step.sizes[p, i]
             inside = at.filtered[p, i] + primal * step.filtered[p, i]
-            sizes[p, i], filtered[p, i] = size, inside
-            above[p, i] = at.above[p, i] + dual * step.above[p, i]
-            below[p, i] = at.below[p, i] + dual * step.below[p, i]
-            whole[p] += w[i] * size
-            noise[p] += w[i] * abs(inside)
-    products = multipliers.T.copy().ravel() @ fixed.columns
-    return Sized(sizes, filtered, above, below), Totals(whole, noise, products)
+            sized.sizes[p, i], sized.filtered[p, i] = size, inside
+            sized.above[p, i] = at.above[p, i] + dual * step.above[p, i]
+            sized.below[p, i] = at.below[p, i] + dual * step.below[p, i]
+            totals.sizes[p] += w[i] * size
+            totals.noise[p] += w[i] * abs(inside)
+    totals.products[:] = multipliers.T.copy().ravel() @ fixed.columns
 
 
 @jit
-def _ratios(at):
+def _ratios(at, both, skew, weights):
     """The diagonal of sizes, its skew part, and the weights that it leaves to the filters."""
     shape = at.sizes.shape
-    both, skew, weights = np.empty(shape), np.empty(shape), np.empty(shape)
     for p in range(shape[0]):
         for i in range(shape[1]):
             one = at.above[p, i] / (at.sizes[p, i] - at.filtered[p, i])
@@ -162,16 +194,14 @@ def _ratios(at):
             whole = one + two
             both[p, i], skew[p, i] = whole, (one - two) / whole
             weights[p, i] = 4.0 * one * two / whole
-    return both, skew, weights
 
 
 @jit
-def _band(weights, vectors, places):
-    """The lower band of F' diag(weights) F, with rows behind it that ``_factored`` may touch."""
+def _band(weights, vectors, places, found):
+    """Fill in the lower band of F' diag(weights) F; ``_factored`` may touch rows behind it."""
     size = len(vectors)
     rows = weights.shape[1] - size + 1
-    width = (size * size + LANES - 1) // LANES * LANES
-    found, sums = np.zeros((rows * size + width, width)), np.empty(rows)
+    sums = np.empty(rows)
     for c in range(size):
         for e in range(size):
             for d in range(1 if e < c else 0, size):
@@ -185,7 +215,6 @@ def _band(weights, vectors, places):
                 place = d * size + e - c
                 for r in range(rows - d):
                     found[r * size + c, place] = sums[r]
-    return found
 
 
 @jit
@@ -247,11 +276,10 @@ def _transpose(drive, push, fixed):
 
 
 @jit
-def _filter(padded, fixed):
-    """Filter multipliers, padded at both ends, by the vectors."""
+def _filter(padded, fixed, found):
+    """Filter multipliers, padded at both ends, by the vectors; adds to zeros."""
     vectors, samples = fixed.vectors, fixed.w.size
     size = len(vectors)
-    found = np.zeros((size * (size + 1) // 2, samples))
     for j in range(size):
         for k in range(j, size):
             mine = found[fixed.places[j, k]]
@@ -260,7 +288,6 @@ def _filter(padded, fixed):
                 first, second = padded[k, i : i + samples], padded[j, i : i + samples]
                 for s in range(samples):
                     mine[s] += one * first[s] + two * second[s]
-    return found
 
 
 @jit

@@ -112,10 +112,9 @@ def denominator_box(
         if rows is None or programs is None or programs.free is None:
             continue
         parts = 1.0 / (outputs - output)
-        until = Deadline(parts * _ALONE) if deadline.left is None else deadline.part(parts)
+        until = deadline.part(parts, otherwise=parts * _ALONE)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
         complete &= search.run(tol if _is_fast(rows) else max(tol, _FREE))
-        deadline.stopped |= until.stopped
         tree, own = search.proved(output)
         trees.append(tree)
         limits.append(own)

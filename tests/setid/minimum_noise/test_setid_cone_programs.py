@@ -484,8 +484,17 @@ def test_a_factor_has_room_behind_its_last_column(order: int) -> None:
     one, two = np.triu_indices(size)
     places = np.zeros((size, size), np.int64)
     places[one, two] = places[two, one] = np.arange(one.size)
-    band = compiled._band(np.ones((one.size, samples)), np.eye(size), places)
-    count, width = (samples - order) * size, band.shape[1]
+    w, columns = np.full(samples, 1 / samples), np.ones(((samples - order) * size, 16))
+    fixed = Fixed(w, 1.0, np.eye(size), places, columns, np.zeros(0, np.int64))
+    at = Sized(
+        np.ones((one.size, samples)),
+        *np.zeros((1, one.size, samples)),
+        *np.ones((2, one.size, samples)),
+    )
+    found = compiled.eliminated(at, np.ones(one.size), fixed)
+    band, count = found.factor, len(columns)
+    width = band.shape[1]
+    assert found.fine
     assert width >= size * size and width % 8 == 0
     assert len(band) >= count - 1 + width
     assert not band[count:].any()
@@ -563,6 +572,21 @@ def test_nothing_is_compiled_in_a_short_time(monkeypatch: pytest.MonkeyPatch) ->
     for limit in (2.0, 600.0, None):
         ConePrograms(programs, True, limit).solve(first_cones(1, True)[0], (0, 0), 0.1)
     assert seen == [False, True, True]
+
+
+def test_what_is_compiled_returns_nothing_that_python_has_to_make() -> None:
+    """For arrays and classes numba calls Python, without a look at interrupts that come there."""
+    pytest.importorskip("numba", reason="numba is an optional extra, fast")
+    from numba import types
+
+    steps, rows = linear_programs._compiled(True), rows_of(1)
+    programs = Programs(rows, longest_stretches(rows.row, rows.order))
+    solver = ConePrograms(programs, True)
+    for _ in range(linear_programs._OFTEN + 2):
+        solver.solve(first_cones(1, True)[0], (0, 0), 0.1)
+    for kernel in (steps._eliminated, steps._forward, steps._backward, steps._advanced):
+        (made,) = kernel.nopython_signatures
+        assert made.return_type in (types.none, types.boolean)
 
 
 def test_machine_code_is_found_in_memory_and_on_disk(tmp_path: Path) -> None:
