@@ -53,10 +53,7 @@ def step_of(found: dict, kind: str) -> dict:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in LONGEST))
-        for name in PROVED | OFFSETS
-    ],
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONGEST)) for name in PROVED | OFFSETS],
 )
 def test_boxes_of_strong_noise_and_of_two_denominators_are_proved(name):
     found = loaded(name)
