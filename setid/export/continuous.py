@@ -17,7 +17,7 @@ from scipy.linalg import logm
 from setid.data.checks import frozen, word
 from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.continuous import INDIRECT_WARNING
 
@@ -131,6 +131,7 @@ def to_continuous(
             "continuous-time structures have physical parameters already"
         )
     word(method, "method", _CONVERT, SetidError)
+    draws_of(samples, seed)
     convert, Ts = _CONVERT[method], result.formulation.data.Ts
     centre = convert(*coefficients(model, nominal(result)), Ts)
     if centre is None:
