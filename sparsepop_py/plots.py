@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "new_axes",
+    "plain",
     "plot_history",
     "plot_result",
     "require_matplotlib",
@@ -74,6 +75,22 @@ def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 5.2)) -> Axes:
     if ax is not None:
         return ax
     return pyplot.subplots(figsize=size, layout="constrained")[1]
+
+
+def plain(text: str) -> str:
+    r"""Escape dollar signs of a label, between which matplotlib would read mathematics.
+
+    Parameters
+    ----------
+    text : str
+        With names and units, which may hold any character.
+
+    Examples
+    --------
+    >>> print(plain("price [$]"))
+    price [\$]
+    """
+    return text.replace("$", r"\$")
 
 
 def plot_history(result: Result, ax: Axes | None = None) -> Axes:
@@ -270,7 +287,7 @@ def _curve(result: Result, ax: Axes) -> None:
     for kind, style, points in _kinds(result):
         ax.plot(points[:, 0], sign * problem.objective(points), label=kind, **style)
     ax.set_xlim(low[0], high[0])
-    ax.set_xlabel(problem.names[0])
+    ax.set_xlabel(plain(problem.names[0]))
     ax.set_ylabel("objective")
     _finish(result, ax)
 
@@ -318,8 +335,8 @@ def _plane(result: Result, ax: Axes) -> None:
         ax.plot(chosen[:, 0], chosen[:, 1], label=kind, **style)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
-    ax.set_xlabel(problem.names[0])
-    ax.set_ylabel(problem.names[1])
+    ax.set_xlabel(plain(problem.names[0]))
+    ax.set_ylabel(plain(problem.names[1]))
     _finish(result, ax)
 
 
@@ -383,7 +400,7 @@ def _pattern(result: Result, ax: Axes) -> None:
     ax.set_xlabel(f"variable, in elimination order\n{_blocks(relaxation)}")
     ax.set_ylabel("variable, in elimination order")
     if n <= 24:
-        names = [result.problem.names[v] for v in np.argsort(place)]
+        names = [plain(result.problem.names[v]) for v in np.argsort(place)]
         ax.set_xticks(range(n), names, rotation=90)
         ax.set_yticks(range(n), names)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import io
 import pathlib
 from collections.abc import Iterator
 from typing import Any
@@ -52,6 +53,18 @@ def test_axes_are_taken_and_returned() -> None:
     _, ax = pyplot.subplots()
     assert plot_result(sp.solve(disc()), ax) is ax
     assert isinstance(sp.solve(disc()).plot(), Axes)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_names_are_no_mathematics(n: int) -> None:
+    names = [r"$\foo$", "a$b$", r"\$"][:n]
+    x = sp.variables(n)
+    problem = sp.Problem(sum(a**2 for a in x) + x[0] * x[-1], lower=-1, upper=1, names=names)
+    ax = plot_result(sp.solve(problem, sp.Options(order=1, refine="none")))
+    picture = io.StringIO()
+    with pyplot.rc_context({"svg.fonttype": "none"}):
+        ax.figure.savefig(picture, format="svg")
+    assert all(f">{name}<" in picture.getvalue() for name in names)
 
 
 def test_equations_and_boxes() -> None:

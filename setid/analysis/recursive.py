@@ -12,6 +12,7 @@ import time
 import warnings
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -20,12 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, natural, number, real_array
+from setid.data.checks import FrozenMapping, frozen, natural, number, real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning
 from setid.feasible_set.start import find_box
-from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, check_priors, formulate
 from setid.formulation.printing import rounded
 from setid.html import section
 from setid.html import table as html_table
@@ -49,6 +50,7 @@ _BOX_SECONDS = 5.0  # for one box from uncertain rows
 _MOST_LINEAR = 60  # unknowns up to which linear problems are solved in rationals
 _NEAR = -1e-12  # relative: rows that end this far from the box are redundant, rounding included
 _RETAINED = 60  # samples, where no limit is given and few parameters need no more
+_KINDS = ("output", "input", "equation")
 _TRACE = 1000  # past boxes kept for the picture
 
 
@@ -121,6 +123,8 @@ class Recursive:
         If the structure has no regression form.
     NoiseError
         If bounds are one a sample, or the noise has constraints over the record.
+    PriorError
+        If a prior speaks of other parameters.
 
     Notes
     -----
@@ -160,8 +164,10 @@ class Recursive:
         executor: Executor | None = None,
     ) -> None:
         self.model = _from_unknown(model)
-        self.noise = _check_noise(noise)
+        self.noise = _check_noise(noise, self.model)
         self.priors = tuple(listed(priors))
+        check_priors(self.priors, self.model)
+        check_executor(executor)
         least = 4 * len(self.model.parameters) ** 2
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
@@ -224,7 +230,7 @@ class Recursive:
     # ---- updates ------------------------------------------------------------------------
 
     def update(self, u: ArrayLike, y: ArrayLike) -> bool:
-        """Take one sample, or several in their order.
+        """Take one sample, or several in their order; where it raises, it takes none.
 
         Parameters
         ----------
@@ -248,10 +254,15 @@ class Recursive:
         outputs = _rows_of(y, "y", self.model.outputs)
         if len(inputs) != len(outputs):
             raise DataError(f"u, y: found {len(inputs)} and {len(outputs)} samples")
-        for one, other in zip(inputs, outputs, strict=True):
-            begin = time.process_time()
-            solved = self._one(one, other)
-            self._count(time.process_time() - begin, solved)
+        before = dict(vars(self))  # each is replaced, none is changed in place
+        try:
+            for one, other in zip(inputs, outputs, strict=True):
+                begin = time.process_time()
+                solved = self._one(one, other)
+                self._count(time.process_time() - begin, solved)
+        except BaseException:  # Ctrl-C too
+            vars(self).update(before)
+            raise
         return self.inconsistent_at is None
 
     def _count(self, seconds: float, solved: bool) -> None:
@@ -284,7 +295,7 @@ class Recursive:
         room = self.complete and len(self._kept) < self.limit
         cuts = lost or room or self._cuts(new)
         if cuts or self.window is not None:
-            self._kept.append(new)
+            self._kept = [*self._kept, new]
         else:
             self.complete = False
         solved = cuts and self._bound(k)
@@ -312,7 +323,7 @@ class Recursive:
                 starts=np.arange(len(windows)) * size,
             )
         )
-        noise = self.noise
+        noise = _spread(self.noise, data.samples)
         return _quiet(lambda: formulate(data, self.model, noise, self.priors))
 
     def _cuts(self, new: _Window) -> bool:
@@ -473,7 +484,6 @@ def _linear(
     formulation: Formulation, executor: Executor | None = None
 ) -> tuple[Evidence, set[int]]:
     """Exact bounds by linear programs, and the records that they use."""
-    check_executor(executor)
     problem, wanted = formulation.problem, objectives(formulation)
     if executor is None:
         bounds = tuple(sp.linear_bounds(problem, wanted))
@@ -529,15 +539,31 @@ def _from_unknown(model: Structure) -> Structure:
     return from_unknown_start(model)
 
 
-def _check_noise(noise: Noise) -> Noise:
+def _check_noise(noise: Noise, model: Structure) -> Noise:
     if not isinstance(noise, Noise):
         raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
-    for kind in ("output", "input", "equation"):
-        if np.ndim(getattr(noise, kind)) > 1:
+    for kind in _KINDS:
+        shape = np.shape(getattr(noise, kind))
+        channels = model.inputs if kind == "input" else model.outputs
+        if len(shape) > 1:
             raise NoiseError(f"noise.{kind}: found bounds one a sample, expected one a channel")
+        if shape not in ((), (channels,)):
+            raise NoiseError(
+                f"noise.{kind}: found {shape[0]} bounds, expected one or {channels}, one a channel"
+            )
     return noise
+
+
+def _spread(noise: Noise, samples: int) -> Noise:
+    """The noise with bounds of channels written out for samples, whose number may be the same."""
+    found = copy(noise)
+    for kind in _KINDS:
+        bound = getattr(noise, kind)
+        if np.ndim(bound):
+            object.__setattr__(found, kind, frozen(np.tile(bound, (samples, 1))))
+    return found
 
 
 def _rows_of(given: ArrayLike, field: str, channels: int) -> Reals:

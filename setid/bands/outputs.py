@@ -22,7 +22,7 @@ from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
 from setid.feasible_points.estimators import least_squares
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
@@ -271,6 +271,7 @@ def simulate_band(
     if kind is not None:
         word(kind, "kind", ("proved", "sampled"), SetidError)
     accuracy = Accuracy(tolerance, time_limit, samples)
+    draws_of(samples, seed)
     record, bounds = _record(result, data, noise)
     model, theta, eta = result.formulation.model, nominal(result), bounds[0]
     if kind != "sampled":

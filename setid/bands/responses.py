@@ -18,7 +18,7 @@ from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
 from setid.data.checks import frozen, natural, number, real_array, word
 from setid.errors import SetidError
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import Proposer
@@ -237,6 +237,7 @@ def frequency_band(
     for field, channel in (("output", output), ("input", input)):
         natural(channel, field, SetidError, 1)
     continuous = transfer_of(model, output, input).continuous
+    draws_of(samples, seed)
     frequencies = grid(omega, data.Ts, continuous=continuous)
     theta = nominal(result)
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)

@@ -12,7 +12,7 @@ from setid.bands.enclosing import Accuracy, band_of, rows_of
 from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
 from setid.proofs.time_bands.enclosures import Experiment
@@ -162,6 +162,7 @@ def step_band(
     count = natural(length, "length", SetidError, least=1)
     channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
     accuracy = Accuracy(tolerance, time_limit)
+    draws_of(samples, seed)
     later_on = switch(all_time, "all_time", SetidError)
     if channels[0] > model.outputs or channels[1] > model.inputs:
         raise ModelError(

@@ -7,7 +7,7 @@ from typing import Any
 
 from setid.errors import DataError
 
-__all__ = ["labels", "names_of", "units_of"]
+__all__ = ["labels", "names_of", "text_of", "units_of"]
 
 
 def names_of(
@@ -28,7 +28,7 @@ def names_of(
     Raises
     ------
     DataError
-        If there are more or fewer, or one occurs twice.
+        If there are more or fewer, one occurs twice, or one is no text of Unicode.
     """
     if given is None:
         return tuple(f"{letter}{i + 1}" for i in range(count))
@@ -49,7 +49,7 @@ def units_of(given: Sequence[Any] | str | None, count: int, field: str) -> tuple
     Raises
     ------
     DataError
-        If there are more or fewer.
+        If there are more or fewer, or one is no text of Unicode.
     """
     return ("",) * count if given is None else _texts(given, count, field)
 
@@ -65,6 +65,28 @@ def labels(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
 
 
+def text_of(given: Any, field: str) -> str:
+    """A text that files and pictures can hold; halves of surrogate pairs raise.
+
+    Parameters
+    ----------
+    given : object
+    field : str
+        What the message calls it.
+
+    Raises
+    ------
+    DataError
+        If it has no encoding.
+    """
+    text = str(given)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise DataError(f"{field}: found {text!r:.60}, expected a text of Unicode") from None
+    return text
+
+
 def _texts(given: Sequence[Any] | str, count: int, field: str) -> tuple[str, ...]:
     try:
         found = (given,) if isinstance(given, str) else tuple(str(item).strip() for item in given)
@@ -72,4 +94,4 @@ def _texts(given: Sequence[Any] | str, count: int, field: str) -> tuple[str, ...
         found = ()
     if len(found) != count:
         raise DataError(f"{field}: found {given!r:.60}, expected {count}, one a channel")
-    return found
+    return tuple(text_of(text, field) for text in found)

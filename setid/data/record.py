@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.channels import labels, names_of, units_of
+from setid.data.channels import labels, names_of, text_of, units_of
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of, word
 from setid.data.frames import frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked
@@ -128,7 +128,7 @@ class IOData:
             "output_names": names_of(output_names, outputs.shape[1], "output_names", "y"),
             "input_units": units_of(input_units, inputs.shape[1], "input_units"),
             "output_units": units_of(output_units, outputs.shape[1], "output_units"),
-            "time_unit": str(time_unit),
+            "time_unit": text_of(time_unit, "time_unit"),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)

@@ -17,7 +17,7 @@ from scipy.linalg import logm
 from setid.data.checks import frozen, word
 from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.continuous import INDIRECT_WARNING
 
@@ -91,7 +91,8 @@ def to_continuous(
         Of a discrete transfer function, one input and one output.
     method : {"zoh", "matched"}
         Inverse zero-order hold; or p -> ln(p) / Ts for poles and zeros with the static gain
-        kept, where zeros on the negative real axis (those that sampling makes) are left out.
+        kept, where zeros on the negative real axis (those that sampling makes) are left out. A
+        static gain stays what it is by both.
     samples, seed : int
         Mixtures of attained members that are tried.
 
@@ -130,6 +131,7 @@ def to_continuous(
             "continuous-time structures have physical parameters already"
         )
     word(method, "method", _CONVERT, SetidError)
+    draws_of(samples, seed)
     convert, Ts = _CONVERT[method], result.formulation.data.Ts
     centre = convert(*coefficients(model, nominal(result)), Ts)
     if centre is None:
@@ -171,6 +173,8 @@ def _inverse_zoh(numerator: list[float], denominator: list[float], Ts: float) ->
     """Logarithm of [A B; 0 1] of the controllable form, if it is real."""
     a, b = np.array(denominator), np.array(numerator)
     n = a.size - 1
+    if not n:
+        return b, a  # a static gain, the same in continuous time
     state, push = np.zeros((n, n)), np.eye(n, 1)
     state[0], state[1:, :-1] = -a[1:], np.eye(n - 1)
     poles = np.linalg.eigvals(state)
@@ -193,7 +197,7 @@ def _inverse_matched(numerator: list[float], denominator: list[float], Ts: float
     if np.any(_without_logarithm(poles)) or abs(np.sum(denominator)) < 1e-12:
         return None
     zeros = zeros[~_without_logarithm(zeros)]
-    bottom = np.real(np.poly(np.log(poles) / Ts))
+    bottom = np.atleast_1d(np.real(np.poly(np.log(poles) / Ts)))
     top = np.atleast_1d(np.real(np.poly(np.log(zeros) / Ts)))
     if top[-1] == 0.0:
         return None

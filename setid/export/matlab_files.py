@@ -17,7 +17,7 @@ from setid.models.equations import Transfer
 from setid.simulation.responses import transfer_of
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
-from sparsepop_py.files import write_text
+from sparsepop_py.files import as_path, write_text
 
 __all__ = ["to_mat", "to_ureal", "ureal_script"]
 
@@ -35,6 +35,11 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     pathlib.Path
         Of a file with ``names``, ``outer`` (p, 2), ``inner`` (p, 2), ``status``, ``nominal``
         (p, 1), ``members`` (M, p), ``Ts``, ``structure`` and ``assumptions``.
+
+    Raises
+    ------
+    FormatError
+        If ``path`` is no path.
 
     Examples
     --------
@@ -60,7 +65,7 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
         "structure": repr(formulation.model),
         "assumptions": cell(formulation.assumptions),
     }
-    save(Path(path), content)
+    save(as_path(path), content)
     return Path(path)
 
 

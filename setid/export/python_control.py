@@ -19,7 +19,7 @@ from setid.bands.responses import frequency_band
 from setid.data.checks import frozen, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.printing import rounded
 from setid.models.equations import Structure
@@ -121,6 +121,7 @@ def to_control(
     """
     check_result(result)
     word(kind, "kind", ("sampled", "proved"), SetidError)
+    draws_of(samples, seed)
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)

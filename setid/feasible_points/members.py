@@ -23,6 +23,7 @@ from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = [
     "ROUNDING",
+    "draws_of",
     "feasible",
     "is_member",
     "members",
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
+_MOST = 10**6  # mixtures that are drawn at once
 ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
 
 
@@ -90,7 +92,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
     Raises
     ------
     SetidError
-        If no member is known.
+        If no member is known, or more than a million mixtures are asked for.
 
     Examples
     --------
@@ -103,7 +105,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
     """
     check_result(result)
     result.require_members()
-    tries = natural(count, "count", SetidError)
+    tries, start = draws_of(count, seed, "count")
     known = result.attained
     if not len(known):
         point = _least_level(result)
@@ -113,11 +115,30 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
             "result: found no consistent parameter vector to draw from; identify with a "
             "larger time limit, or use what is proved instead"
         )
-    start = natural(seed, "seed", SetidError)
     weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
     keep = [theta for theta in mixed if is_member(result.formulation, theta)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
+
+
+def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]:
+    """The number of mixtures and the seed, checked also where what is proved needs neither.
+
+    Parameters
+    ----------
+    samples, seed : int
+    field : str
+        What the message calls the number.
+
+    Raises
+    ------
+    SetidError
+        If they are no integers >= 0, or memory would not hold the mixtures.
+    """
+    count = natural(samples, field, SetidError)
+    if count > _MOST:
+        raise SetidError(f"{field}: found {count}, expected at most {_MOST}")
+    return count, natural(seed, "seed", SetidError)
 
 
 def _least_level(result: FeasibleSet) -> Reals | None:

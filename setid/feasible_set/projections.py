@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, natural
+from setid.data.checks import frozen, natural, word
 from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.principal import solved_heights
@@ -127,8 +127,7 @@ def project(
     check_result(result)
     names = result.formulation.parameters
     for name in (first, second):
-        if name not in names:
-            raise SetidError(f"name: found {name!r}, expected one of {', '.join(names)}")
+        word(name, "name", names, SetidError)
     if first == second:
         raise SetidError(f"first, second: found {first!r} twice, expected two parameters")
     count = natural(directions, "directions", SetidError, least=4)

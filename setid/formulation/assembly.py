@@ -31,7 +31,7 @@ from setid.models.equations import Equation, Structure
 from setid.priors.base import Facts, Prior
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
-__all__ = ["Built", "Rows", "build"]
+__all__ = ["Built", "Rows", "build", "check_rows_of_priors"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,16 +363,36 @@ def _noise_rows(noise: Noise, layout: Layout) -> list[_Collected]:
     return rows
 
 
+def check_rows_of_priors(model: Structure, priors: Sequence[Prior]) -> None:
+    """Check that priors have bounds and rows for a structure, whatever the samples.
+
+    Raises
+    ------
+    PriorError
+        If one of them speaks of other parameters, or two contradict each other.
+    """
+    facts = _facts(model, priors)
+    slack = [name for prior in priors for name in prior.unknowns(model)]
+    symbols = _symbols(model, [*model.parameters, *slack])
+    for prior in priors:
+        prior.rows(model, symbols, facts)
+
+
+def _symbols(model: Structure, names: Sequence[str]) -> dict[str, sp.Polynomial]:
+    """Parameters and unknowns of priors as polynomials; in a block structure fixed values too."""
+    symbols = dict(zip(names, sp.variables(len(names), names), strict=True))
+    if isinstance(model, BlockStructured):
+        one = next(iter(symbols.values())) * 0.0 + 1.0
+        symbols |= {name: value * one for name, value in model.fixed}
+    return symbols
+
+
 def _prior_rows(
     model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
 ) -> list[_Collected]:
     slack = layout.group("slack")
     numbers = np.concatenate([layout.group("theta"), slack])
-    names = [layout.names[number] for number in numbers]
-    symbols = dict(zip(names, sp.variables(len(names), names), strict=True))
-    if isinstance(model, BlockStructured):
-        one = next(iter(symbols.values())) * 0.0 + 1.0
-        symbols |= {name: value * one for name, value in model.fixed}
+    symbols = _symbols(model, [layout.names[number] for number in numbers])
     rows = []
     for place, prior in enumerate(priors):
         for constraint in prior.rows(model, symbols, facts):

@@ -17,7 +17,7 @@ from setid.data.checks import parameters_of
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, warn
-from setid.formulation.assembly import Rows, build
+from setid.formulation.assembly import Rows, build, check_rows_of_priors
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
 from setid.formulation.printing import equation_text
@@ -30,7 +30,7 @@ from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
-__all__ = ["Formulation", "Structs", "formulate", "settled", "to_structs"]
+__all__ = ["Formulation", "Structs", "check_priors", "formulate", "settled", "to_structs"]
 
 Structs = tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]
 
@@ -383,6 +383,17 @@ def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, No
             "setid.estimate_delta(data, model, noise) does so alone"
         )
     return model, noise.covering(max(model.delta, noise.model_error))
+
+
+def check_priors(given: Any, model: Structure) -> None:
+    """Check that priors fit a structure, before there are samples.
+
+    Raises
+    ------
+    PriorError
+        If one is no prior, or speaks of other parameters.
+    """
+    check_rows_of_priors(model, _as_priors(given, model))
 
 
 def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:

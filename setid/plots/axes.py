@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.errors import SetidError
-from sparsepop_py.plots import new_axes, require_matplotlib
+from sparsepop_py.plots import new_axes, plain, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,8 +29,10 @@ __all__ = [
     "ink",
     "new_axes",
     "over_time",
+    "plain",
     "require_matplotlib",
     "stacked_axes",
+    "time_label",
 ]
 
 PROVED, ATTAINED = "#0072B2", "#D55E00"  # Okabe and Ito
@@ -77,8 +79,13 @@ def over_time(
     axes = stacked_axes(ax, count, height)
     for axis in axes:
         axis.grid(alpha=0.3)
-    axes[-1].set_xlabel(f"time [{data.time_unit}]" if data.time_unit else "time")
+    axes[-1].set_xlabel(time_label(data))
     return axes, np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)
+
+
+def time_label(data: IOData) -> str:
+    """The label of an axis of times, with their unit."""
+    return plain(f"time [{data.time_unit}]") if data.time_unit else "time"
 
 
 def fill_between(

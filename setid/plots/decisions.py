@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.plots.axes import ATTAINED, PROVED, ink, new_axes
+from setid.plots.axes import ATTAINED, PROVED, ink, new_axes, plain, time_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,12 +91,12 @@ def plot_advice(found: Advice, ax: Axes | None = None) -> Axes:
     """
     axes, data = new_axes(ax, (7.0, 3.2)), found.record
     for name, values in zip(data.output_labels, data.y.T, strict=True):
-        axes.plot(data.time, values, lw=1, color=ink(), label=name)
+        axes.plot(data.time, values, lw=1, color=ink(), label=plain(name))
     if np.isfinite(found.settling_time):
         begin = data.time[int(np.argmax(np.abs(np.diff(data.u, axis=0)).max(axis=1))) + 1]
         end = begin + found.settling_time
         axes.axvspan(begin, end, color=PROVED, alpha=0.2, lw=0, label="transient")
-    axes.set_xlabel(f"time [{data.time_unit}]" if data.time_unit else "time")
+    axes.set_xlabel(time_label(data))
     axes.legend(loc="best", fontsize="small")
     return axes
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.feasible_points.best import per_cent
-from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time
+from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time, plain
 
 if TYPE_CHECKING:
     from setid.analysis.fit import Fit
@@ -49,7 +49,7 @@ def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
         axis.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
         axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
         clip(axis, data.y[:, i], wide)
-        axis.set_ylabel(data.output_labels[i])
+        axis.set_ylabel(plain(data.output_labels[i]))
     axes[0].legend(loc="best", ncols=5, fontsize="small")
     return axes
 
@@ -80,7 +80,7 @@ def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
     for i, axis in enumerate(axes):
         axis.plot(time, found.outputs[:, i], color=COLOUR["sampled"], lw=1, label="model")
         axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
-        axis.set_ylabel(data.output_labels[i])
+        axis.set_ylabel(plain(data.output_labels[i]))
         axis.set_title(f"fit {per_cent(found.fit[i : i + 1])}")
     axes[0].legend(loc="best", ncols=2, fontsize="small")
     return axes

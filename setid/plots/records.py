@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from setid.plots.axes import over_time
+from setid.plots.axes import over_time, plain
 
 if TYPE_CHECKING:
     from setid.data.record import IOData
@@ -42,5 +42,5 @@ def plot_record(data: IOData, ax: Any = None) -> NDArray[Any]:
             part = data.record == record
             style = "steps-post" if place >= data.outputs else "default"
             axis.plot(time[part], values[part], drawstyle=style, color=f"C{record}", lw=1)
-        axis.set_ylabel(name)
+        axis.set_ylabel(plain(name))
     return axes

@@ -18,6 +18,7 @@ from setid.plots.axes import (
     fill_between,
     ink,
     new_axes,
+    plain,
     require_matplotlib,
     stacked_axes,
 )
@@ -74,7 +75,7 @@ def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:
     axes[0].legend(loc="best")
     where = "" if band.arcs is None else ", proved at all frequencies"
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
-    axes[0].set_title(f"{output} from {input_}{where}")
+    axes[0].set_title(plain(f"{output} from {input_}{where}"))
     axes[1].set_xlabel("frequency, rad per unit of time")
     return np.asarray(axes)
 
@@ -157,7 +158,7 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
-    axes.set_ylabel(f"{output} for a step in {input_}")
+    axes.set_ylabel(plain(f"{output} for a step in {input_}"))
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     return axes

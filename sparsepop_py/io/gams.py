@@ -37,7 +37,17 @@ _SOLVE_COMMENT = re.compile(
     r"\*\s*(solve\b.*\busing\b.*\b(?:mini|maxi)mi[sz]ing\s+[a-z]\w*)", re.IGNORECASE
 )
 _SOLVE = re.compile(r"solve\b", re.IGNORECASE)
-_INCLUDE = re.compile(r"\$(?:bat|lib|sys)?include\b", re.IGNORECASE)
+_BLOCK = {word: re.compile(rf"\${word}\b", re.IGNORECASE) for word in ("ontext", "offtext")}
+_SWITCHES = "digit|dollar|include|listing|symlist|symxref|uellist|uelxref|upper|warning"
+_HARMLESS = re.compile(
+    rf"""\$(?:
+    (?:s?title|hidden)\b.*
+    | (?:\$?(?:eject|single|double|lines\s+\d+|o(?:n|ff)(?:{_SWITCHES}))(?:\s+|$))+
+    | if\s+not\s+'%gams\.u1%'\s*==\s*''\s*\$include\s+'%gams\.u1%'\s*  # of GAMS Convert
+    | if\s+not\s+set\s+(\w+)\s+\$set\s+\1\s+\1\s*  # the solver's class, as of MINLPLib
+    )""",
+    re.IGNORECASE | re.VERBOSE,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,19 +120,17 @@ def _without_comments(path: str, text: str) -> tuple[list[str], list[tuple[int, 
     comments: list[tuple[int, str]] = []
     block = 0  # line of the $ontext that is open
     for number, line in enumerate(text.split("\n"), 1):
-        control = line[:8].lower() if line.startswith("$") else ""
-        if control == "$ontext":
-            block = number
-        elif control == "$offtext":
-            block = 0
-        elif _INCLUDE.match(line) and not block:
-            raise Statement(path, line, number).error(
-                "an included file", "one file that holds the whole problem"
-            )
-        elif line.startswith("*") and not block:
+        lines.append("" if block or line.startswith(("*", "$")) else line)
+        if block or _BLOCK["ontext"].match(line):
+            block = 0 if _BLOCK["offtext"].match(line) else block or number
+        elif line.startswith("*"):
             comments.append((number, line))
-        blank = block or line.startswith(("*", "$"))
-        lines.append("" if blank else line)
+        elif line.startswith("$") and not _HARMLESS.fullmatch(line):
+            raise Statement(path, line, number).error(
+                repr(line.split()[0]),
+                "one file that holds the whole problem; of lines with $ only $ontext, titles and "
+                "switches of the listing",
+            )
     if block:
         raise Statement(path, "$ontext", block).error("no $offtext", "one after $ontext")
     return lines, comments
@@ -198,7 +206,9 @@ def read_gms(path: str | os.PathLike[str]) -> Problem | RationalProblem:
         A file with ``Variables`` lists (plain, ``Positive``, ``Negative``, ``Binary``,
         ``Free``), an ``Equations`` list, equations ``name.. left =E= right;`` (also
         ``=G=``, ``=L=``), bounds ``.lo .up .fx`` and possibly ``Model`` and ``Solve``.
-        Case does not matter; a line with ``*`` in column one is a comment everywhere.
+        Case does not matter; a line with ``*`` in column one is a comment everywhere, and so
+        is what stands between ``$ontext`` and ``$offtext``. Other lines with ``$`` are read
+        over if they concern the listing only, and refused otherwise.
 
     Returns
     -------

@@ -163,6 +163,74 @@ def test_blocks_and_text_after_solve_are_skipped(read) -> None:
     assert read(text).fingerprint == read(SMALL).fingerprint
 
 
+@pytest.mark.parametrize("rest", ["", " ", "\t", " of a comment", "; x1.up = 1;"])
+def test_the_rest_of_a_line_that_opens_or_closes_a_block_is_ignored(read, rest: str) -> None:
+    block = f"$OnText{rest}\nx1.up = 1;\n$if set none\n * \n$offText{rest}\n"
+    text = SMALL.replace("Model m", block + "Model m")
+    assert read(text).fingerprint == read(SMALL).fingerprint
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "$title A problem; $set x 1",
+        "$STitle",
+        "$hidden x1.up = 1;",
+        "$offlisting",
+        "$offsymxref offsymlist $offuelxref offuellist ",
+        "$onUpper onDigit onWarning offDollar offInclude",
+        "$eject",
+        "$lines 7",
+        "$if not set NLP $set NLP NLP",
+    ],
+)
+def test_lines_about_the_listing_are_skipped(read, line: str) -> None:
+    text = SMALL.replace("Model m", f"{line}\nModel m").replace("using NLP", "using %NLP%")
+    assert read(text).fingerprint == read(SMALL).fingerprint
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "$include 'other.gms'",
+        "$batinclude other.gms 3",
+        "$if set none x1.up = 1;",
+        "$if NOT '%gams.u1%' == '' $include 'other.gms'",
+        "$if not set NLP $set x1 NLP",
+        "$iftheni '%gams.u1%' == ''",
+        "$elseif set none",
+        "$else",
+        "$endif",
+        "$goto end",
+        "$label end",
+        "$exit",
+        "$stop",
+        "$terminate",
+        "$abort",
+        "$macro x3 x1",
+        "$set x3 x1",
+        "$setglobal x3 x1",
+        "$evalLocal x3 1",
+        "$onmacro",
+        "$onecho > file",
+        "$offlisting $include other.gms",
+        "$offlisting include other.gms",
+        "$eolcom --",
+        "$comment x",
+        "$maxcol 20",
+        "$offtext",
+        "$ontexts",
+        "$",
+        "$ title A problem",
+    ],
+)
+def test_lines_that_can_change_the_problem_are_refused(read, line: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        read(SMALL.replace("Model m", f"{line}\nModel m"))
+    assert f"case.gms:13: statement '{line[:16]}" in str(caught.value)
+    assert f"found {line.split()[0]!r}, expected one file" in str(caught.value)
+
+
 def test_a_star_in_column_one_is_a_comment_and_elsewhere_a_product(read) -> None:
     body = "e1.. objvar =E= 3\n*x\n  *y; e2.. y =G= 0;"
     assert str(read(file(body)).objective) == "3*y"
@@ -216,7 +284,6 @@ def test_quoted_explanations_and_lines_as_separators(read) -> None:
         (file("e1.. objvar =E= x; e2.. y =G= 0; Solve m using nlp minimizing w;"), "variable 'w'"),
         (file("e1.. objvar =E= x; e2.. y =G= 0; Model m / e1 /;"), "a part of the equations"),
         (file("Parameter p / 3 /;"), "unknown statement"),
-        ("$include 'other.gms'\n" + SMALL, "an included file"),
         ("$ontext\n" + SMALL, "no $offtext"),
         (
             "* Solve m using NLP maximizing objvar;\n* Solve m using NLP minimizing objvar;\n"

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
+from sparsepop_py.errors import SparsePOPError
 
 MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
 THETA = (-0.7, 1.0)
@@ -147,6 +151,19 @@ def test_structures_of_many_parameters_need_no_limit_of_their_own() -> None:
     [
         (lambda: setid.Recursive(MODEL, setid.Noise(equation=0.1), limit=3), "limit"),
         (lambda: setid.Recursive(MODEL, setid.Noise(equation=np.ones((3, 1)))), "one a sample"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(equation=[0.1, 0.2])), "found 2 bounds"),
+        (
+            lambda: setid.Recursive(MODEL, setid.Noise(input=[0.1, 0.2, 0.3])),
+            "noise.input: found 3",
+        ),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1), [setid.Box({"zz": (0, 1)})]), "'zz'"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1), [setid.Known({"b0": 1})]), "'b0'"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1), [3]), r"priors\[0\]: found int"),
+        (
+            lambda: setid.Recursive(MODEL, setid.Noise(0.1), sp.variables(3)[2] >= 0),
+            "a constraint in 3 variables, expected 2",
+        ),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1), executor=3), "executor: found 3"),
         (lambda: setid.Recursive(MODEL, setid.Noise(0.1), window=0), "window"),
         (
             lambda: setid.Recursive(
@@ -181,3 +198,30 @@ def test_a_parameter_that_no_sample_tells_of_keeps_what_priors_say(noise: setid.
         online = setid.Recursive(model, noise, priors)
         assert online.update(u, y) and online.verify()
         assert online.intervals[unknown].outer == outer
+
+
+def test_an_update_that_raises_leaves_everything_as_it_was() -> None:
+    noise = setid.Noise(equation=0.1)
+    data = record(noise, 12)
+    with ThreadPoolExecutor(1) as executor:
+        online = setid.Recursive(MODEL, noise, executor=executor, window=5)
+        online.update(data.u[:8], data.y[:8])
+        before, shown = dict(vars(online)), online.summary()
+    with pytest.raises(SparsePOPError, match="takes no tasks any more"):
+        online.update(data.u[8:], data.y[8:])
+    assert online.samples == 8 and online.summary() == shown and online.verify()
+    assert all(vars(online)[key] is value for key, value in before.items())
+    assert online.retained == (3, 4, 5, 6, 7)
+
+
+def test_bounds_of_two_channels_are_not_taken_for_those_of_two_samples() -> None:
+    """One window of this structure has as many samples as there are outputs."""
+    model = setid.TransferFunction(1, 1, 1, outputs=2)
+    u = np.random.default_rng(4).uniform(-1, 1, 20)
+    bounds = [0.02, 0.3]
+    truth = setid.simulate_record(model, [-0.5, 1.0, 0.2, 2.0], u, setid.Noise(equation=bounds))
+    online = setid.Recursive(model, setid.Noise(equation=bounds))
+    assert online.update(truth.data.u, truth.data.y) and online.verify()
+    whole = setid.identify(truth.data, model, setid.Noise(equation=bounds))
+    for name, item in whole.intervals.items():
+        assert online.intervals[name].outer == pytest.approx(item.outer, rel=1e-12)

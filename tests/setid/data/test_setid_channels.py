@@ -78,6 +78,17 @@ def test_names_that_do_not_fit_are_refused(names: object, why: str) -> None:
         setid.IOData(np.eye(2), [1, 2], input_names=names)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    "field", ["input_names", "output_names", "input_units", "output_units", "time_unit"]
+)
+def test_halves_of_surrogate_pairs_are_refused(field: str) -> None:
+    """No file holds them: they raised where a table or a picture was written."""
+    with pytest.raises(setid.DataError, match=rf"{field}: found '\\ud83d', expected a text"):
+        setid.IOData([1, 2], [1, 3], **{field: "\ud83d"})  # type: ignore[arg-type]
+    whole = setid.IOData([1, 2], [1, 3], **{field: "\U0001f600"})  # type: ignore[arg-type]
+    assert "\U0001f600" in getattr(whole, field)
+
+
 def test_jitter_is_reported_and_gaps_are_refused() -> None:
     # 0.31 is 0.01 off the third multiple of 0.1: 10 % of the sampling time
     step, notes = sampling_time(np.array([0.0, 0.1, 0.2, 0.31, 0.4]), 0.1, "clock")

@@ -116,6 +116,33 @@ ASKED: dict[str, tuple[Callable[[setid.Identification], Any], str]] = {
     ),
 }
 
+SAMPLED: dict[str, Callable[..., Any]] = {
+    "step_band": setid.step_band,
+    "simulate_band": setid.simulate_band,
+    "frequency_band": lambda found, **given: setid.frequency_band(found, [1.0], **given),
+    "to_control": setid.to_control,
+}
+
+
+@pytest.mark.parametrize("kind", ["proved", "sampled"])
+@pytest.mark.parametrize("name", SAMPLED)
+def test_numbers_of_samples_are_checked_whether_or_not_they_are_used(name: str, kind: str) -> None:
+    for samples in ("x", float("nan"), -1, 1.5):
+        with pytest.raises(setid.SetidError, match=f"samples: found {samples!r}, expected an int"):
+            SAMPLED[name](result(), kind=kind, samples=samples)
+    with pytest.raises(setid.SetidError, match="samples: found 1180591620717411303424, expected"):
+        SAMPLED[name](result(), kind=kind, samples=2**70)
+    with pytest.raises(setid.SetidError, match="seed: found -1"):
+        SAMPLED[name](result(), kind=kind, seed=-1)
+
+
+def test_more_mixtures_than_memory_holds_are_refused() -> None:
+    with pytest.raises(setid.SetidError, match="count: found 1000001, expected at most 1000000"):
+        setid.members(result(), 10**6 + 1)
+    with pytest.raises(setid.SetidError, match="samples: found 1000001, expected at most"):
+        setid.to_continuous(result(), samples=10**6 + 1)
+
+
 OF_RESULTS: dict[str, Callable[[Any], Any]] = {
     "frequency_band": setid.frequency_band,
     "step_band": setid.step_band,

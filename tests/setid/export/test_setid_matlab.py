@@ -15,6 +15,7 @@ import setid
 import sparsepop_py as sp
 from setid.matlab import identify_structs
 from sparsepop_py.compat import matlab_server
+from sparsepop_py.errors import FormatError
 
 U, Y = [4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875]
 
@@ -126,6 +127,13 @@ def test_a_mat_file_of_the_uncertain_model(tmp_path: Path) -> None:
     found = scipy.io.loadmat(setid.to_mat(result, tmp_path / "model.mat"), simplify_cells=True)
     assert np.array_equal(found["outer"], [i.outer for i in result.intervals.values()])
     assert np.array_equal(found["members"], result.attained) and found["Ts"] == 1.0
+
+
+@pytest.mark.parametrize("path", [None, -1, 0, 1.5, b"x", "", "a\0"])
+def test_what_is_no_path_is_named(path: Any) -> None:
+    for write in (setid.to_mat, setid.to_ureal):
+        with pytest.raises(FormatError, match=f"path: found {re.escape(repr(path))}"):
+            write(first_order(), path)
 
 
 def test_a_script_for_robust_control(tmp_path: Path) -> None:

@@ -63,6 +63,17 @@ def test_the_route_from_a_record() -> None:
     np.testing.assert_allclose(matched.nominal[:2], found.nominal[:2], rtol=1e-6)
 
 
+@pytest.mark.parametrize("method", ["zoh", "matched"])
+def test_a_static_gain_is_its_own_image(method) -> None:
+    """y_k = 2 u_k with abs(e) <= .1: b0 is in [1.975, 2.025], by u = 4."""
+    model, noise = setid.TransferFunction(0, 1, 0), setid.Noise(equation=0.1)
+    result = setid.identify(setid.IOData([1, 2, 3, 4], [2, 4, 6, 8]), model, noise)
+    found = setid.to_continuous(result, method)
+    assert found.names == ("b0",) and not found.failed
+    assert found.nominal == pytest.approx(2.0)
+    assert found.ranges == pytest.approx(np.array([[1.975, 2.025]]), abs=1e-5)
+
+
 def test_what_has_no_image_is_refused() -> None:
     data = setid.IOData([1, 2, 3, 1], [0, 1, 1, 2])
 

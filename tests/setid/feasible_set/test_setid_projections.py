@@ -98,8 +98,10 @@ def test_output_errors_are_covered() -> None:
 
 def test_bad_arguments() -> None:
     result = first_order()
-    with pytest.raises(setid.SetidError, match="expected one of a1, b0"):
+    with pytest.raises(setid.SetidError, match="found 'b7', expected 'a1' or 'b0'"):
         project(result, "a1", "b7")
+    with pytest.raises(setid.SetidError, match=r"name: found array\(\[1, 2\]\), expected 'a1'"):
+        project(result, np.array([1, 2]), "b0")  # type: ignore[arg-type]
     with pytest.raises(setid.SetidError, match="twice"):
         project(result, "a1", "a1")
     with pytest.raises(setid.SetidError, match="directions"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import io
 from collections.abc import Iterator
 
 import matplotlib.pyplot as plt
@@ -62,6 +63,42 @@ def test_frequency_plots_say_what_they_are(result: setid.Identification, sort: s
         ax.figure.canvas.draw()
     with pytest.raises(setid.SetidError, match="bode, nyquist, nichols"):
         plot_frequency_band(band, "bodie")
+
+
+def shown(axes) -> str:
+    """The texts of a picture as they are seen."""
+    buffer = io.StringIO()
+    with plt.rc_context({"svg.fonttype": "none"}):
+        np.ravel(axes)[0].figure.savefig(buffer, format="svg")
+    return buffer.getvalue()
+
+
+def test_names_and_units_are_no_mathematics() -> None:
+    data = setid.IOData(
+        [4, -3, 2, 1, 2, -1],
+        [0, -6.25, 1.175, 2.0875, 3, 1],
+        input_names=r"\$u",
+        output_names=r"$\foo$",
+        input_units="$",
+        output_units="$/$",
+        time_unit="$s$",
+    )
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=5.0))
+    output, input_, times = r"$\foo$ [$/$]", r"\$u [$]", "time [$s$]"
+    text = shown(data.plot())
+    assert all(f">{label}<" in text for label in (output, input_, times))
+    assert f">{output}<" in shown(setid.predict(result).plot())
+    assert f">{output} from {input_}, proved" in shown(frequency_band(result, [0.1, 1.0]).plot())
+    assert f">{output} for a step in {input_}<" in shown(step_band(result, 5).plot())
+    assert f">{output}<" in shown(setid.fit(data, setid.TransferFunction(1, 1)).plot())
+
+
+def test_a_report_holds_pictures_of_channels_with_dollars(tmp_path) -> None:
+    names = {"output_names": r"$\foo$", "input_names": "$$"}
+    data = setid.IOData([4, -3, 2, 1, 2, -1], [0, -6.25, 1.175, 2.0875, 3, 1], **names)
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=5.0))
+    result.report(tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text(encoding="utf-8").count("data:image/svg") > 1
 
 
 def test_infinite_bands_can_be_drawn() -> None:
