@@ -36,7 +36,7 @@ from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_fa
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options, checked_options, with_executor
-from setid.priors.base import Prior
+from setid.priors.base import Prior, listed
 from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import (
@@ -276,7 +276,7 @@ def consistency(
     model = without_delta(model)
     if not any(np.any(bound > 0) for bound in bounds):
         raise NoiseError("noise: found no positive bound, expected one that can be scaled")
-    given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
+    given = listed(priors)
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
     linear = formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1])
     if linear and formulation.problem.dimension == len(formulation.parameters):

@@ -95,6 +95,20 @@ class Options:
         """The reading of ``time.monotonic`` at which work that begins now is to end."""
         return self.limits().end
 
+    def within(self, deadline: Deadline, share: float = 1.0) -> Options:
+        """The same options with a share of the time that a deadline leaves.
+
+        Parameters
+        ----------
+        deadline : Deadline
+            Of :meth:`limits`.
+        share : float
+        """
+        part = deadline.part(share)
+        left = part.wall_end - monotonic()
+        limit = None if left == inf else max(left, _LEAST)
+        return replace(self, time_limit=limit, cpu_limit=part.cpu_left)
+
     def for_engine(
         self, gap_kind: Literal["absolute", "width"] = "width", until: float | None = None
     ) -> sp.Options:

@@ -25,6 +25,7 @@ from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
+from setid.result.damaged_texts import check_fields, refused
 from setid.result.identification import Identification
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
@@ -167,16 +168,13 @@ class Reparametrisation:
         SetidError
             If the text is no result, or a claim in it does not follow from the record in it.
         """
-        try:
+        with refused("from_json", "a stored result"):
             found = parsed(text)
             if {key: found[key] for key in _HEAD} != _HEAD:
                 raise SetidError(f"from_json: found {found['is']!r:.60}, expected {_KIND!r}")
             result = _read(found[_KIND])
-        except SetidError:
-            raise
-        except (sp.SparsePOPError, TypeError, ValueError, LookupError, RecursionError) as error:
-            raise SetidError(f"from_json: {error!r:.200}, expected a stored result") from error
-        verdict = result.verify()
+        with refused("from_json: verification", "claims that can be checked"):
+            verdict = result.verify()
         if not verdict:
             raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
         check_attained(result.intervals)
@@ -258,7 +256,9 @@ def _read(found: Any) -> Reparametrisation:
     for item in found["intervals"]:
         outer, inner = read(item["outer"]), read(item["inner"])
         status = IntervalStatus[item["status"]]
-        items[str(item["name"])] = ParameterInterval(str(item["name"]), outer, inner, status)
+        made = ParameterInterval(item["name"], outer, inner, status)
+        check_fields(made, "intervals")
+        items[made.name] = made
     points = [_POINT.read(point, "attained") for point in found["attained"]]
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
     ends = tuple(EndProof(*pair) for pair in zip(proofs, points, strict=True))

@@ -8,7 +8,6 @@ settled: a gap as wide as the attained interval tells nothing.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
@@ -26,14 +25,16 @@ from setid.data.checks import entries_of, natural, number, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError, warns_once
+from setid.formulation.printing import rounded
 from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure
 from setid.models.registry import family_of
 from setid.options import Options, checked_options
-from setid.priors.base import Prior
+from setid.priors.base import Prior, listed
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.dispatch import completed
 
 if TYPE_CHECKING:
@@ -42,8 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
-_LEAST = 1e-3  # seconds for a structure when the time is over
-_SECONDS = 30.0  # for a least noise level
+_SECONDS = 30.0  # for a least noise level, where there is no limit
 _GAIN = 0.7  # of the noise that another structure needs, for it to be worth while
 
 
@@ -90,10 +90,11 @@ class Selection:
         The first structure with consistent parameters; None where all are refuted or open.
     coefficients : mapping of str to str
         For each coefficient of the chosen structure whether it is ``"needed"`` (its interval
-        excludes zero, proved), ``"idle"`` (zero lies between attained values) or ``"open"``,
-        with the reason.
+        excludes zero, proved), ``"idle"`` (zero is attained, or lies between attained values) or
+        ``"open"``, with the reason.
     advice : str
-        Where intervals are wider than asked: whether a better sensor or another structure pays.
+        Where intervals are wider than asked: whether a better sensor or another structure pays, or
+        that this is open.
 
     Examples
     --------
@@ -157,7 +158,7 @@ def select(
     noise: Noise,
     orders: Iterable[int],
     degrees: Iterable[int] = (1,),
-    priors: Iterable[Prior | sp.Constraint] = (),
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
     *,
     remove_idle: bool = False,
@@ -180,10 +181,11 @@ def select(
         In the order to try; degrees are raised first.
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
-        For each identification; ``time_limit`` is for all of them together.
+        For each identification; limits in time are for the whole call, and the log says what
+        there was no time for.
     remove_idle : bool
-        Leave out terms of which both signs are attained, and identify again, until all that are
-        left are needed or open.
+        Leave out terms of which both signs, or zero, are attained, and identify again, until all
+        that are left are needed or open.
     l1 : bool
         Leave out the terms that are zero where the sum of sizes is least, before anything is
         identified: for dictionaries of many terms. That the others explain the record is
@@ -227,13 +229,15 @@ def select(
     tops = _naturals(degrees, "degrees", 1)
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
-    known, settings = list(priors), checked_options(options)
+    known, settings = listed(priors), checked_options(options)
     tried = list(product(sizes, tops))
     given = data, noise, known, settings
+    deadline, stages = settings.limits(), 1 + remove_idle + (width is not None)
+    search = deadline.part(1.0 / stages)
     found = (
-        _in_turn(make, tried, given, l1)
+        _in_turn(make, tried, given, l1, search)
         if executor is None
-        else _at_once(make, tried, given, l1, executor)
+        else _at_once(make, tried, given, l1, search, executor)
     )
     steps = list[SelectionStep]()
     with closing(found):
@@ -243,37 +247,40 @@ def select(
                 break
         else:
             return Selection(tuple(steps), None, {})
-    more = _without_idle(step, given) if remove_idle else []
+    removal = deadline.part(1.0 if width is None else 0.5)
+    more, untried = _without_idle(step, given, removal) if remove_idle else ([], ())
     last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
     behind = tried[len(steps) :]
     following = behind[0] if behind else (step.order, step.degree + 1)
-    advice = "" if width is None else _width(last, width, make, following, given)
-    return Selection((*steps, *more), last, _coefficients(last.result), advice)
+    advice = "" if width is None else _width(last, width, make, following, given, deadline)
+    return Selection((*steps, *more), last, _coefficients(last.result, untried), advice)
 
 
 _Given = tuple[IOData, Noise, list[Any], Options]
 _Steps = Generator[SelectionStep, None, None]
 
 
-def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool) -> _Steps:
+def _in_turn(
+    make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool, deadline: Deadline
+) -> _Steps:
     """Try one structure after the other; those soon refuted leave their time to the others."""
     data, noise, known, settings = given
-    until = settings.deadline()
     for place, sizes in enumerate(tried):
-        if until < inf:
-            share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
-            settings = replace(settings, time_limit=share)
-        yield _try((make(*sizes), sizes, (data, noise, known, settings), l1))
+        timed = settings.within(deadline, 1.0 / (len(tried) - place))
+        yield _try((make(*sizes), sizes, (data, noise, known, timed), l1))
 
 
 def _at_once(
-    make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool, executor: Executor
+    make: Family,
+    tried: list[tuple[int, int]],
+    given: _Given,
+    l1: bool,
+    deadline: Deadline,
+    executor: Executor,
 ) -> _Steps:
     """Try all structures at once; yield them in their order."""
     data, noise, known, settings = given
-    if settings.time_limit is not None:
-        settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
-    settings = replace(settings, progress=False)
+    settings = replace(settings.within(deadline, 1.0 / len(tried)), progress=False)
     sent = (data, noise, known, settings)
     tasks = ((k, (make(*sizes), sizes, sent, l1)) for k, sizes in enumerate(tried))
     ready: dict[int, SelectionStep] = {}
@@ -309,24 +316,28 @@ def _family(family: Any, data: IOData) -> Family:
 def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep:
     """Identify one structure; in a worker process if there is an executor."""
     whole, (order, degree), (data, noise, priors, options), l1 = task
+    deadline = options.limits()
     names = sparse_terms(data, whole, noise) if l1 else ()
     if names:  # fewer terms that explain the record: then all of them do
         model, fixed = without(whole, names)
-        result = identify(data, model, noise, [*priors, *fixed], options)
+        half = options.within(deadline, 0.5)
+        result = identify(data, model, noise, [*priors, *fixed], half)
         decision, reason = _decision(result)
         if decision == "kept":
             text = f"without {len(names)} of {len(whole.parameters)} terms: {reason}"
             return SelectionStep(order, degree, decision, text, result)
-    result = identify(data, whole, noise, priors, options)
+    result = identify(data, whole, noise, priors, options.within(deadline))
     return SelectionStep(order, degree, *_decision(result), result)
 
 
-def _without_idle(step: SelectionStep, given: _Given) -> list[SelectionStep]:
-    """Steps that leave idle terms out of a structure that was kept."""
+def _without_idle(
+    step: SelectionStep, given: _Given, deadline: Deadline
+) -> tuple[list[SelectionStep], tuple[str, ...]]:
+    """Steps that leave idle terms out of a structure that was kept, and terms not tried in time."""
     data, noise, priors, options = given
     fixed = step.result.formulation.priors[len(priors) :]
-    tried = without_idle(step.result, (data, noise, [*priors, *fixed], options))
-    return [_without_step(step, found.left_out, found.result) for found in tried]
+    tried, untried = without_idle(step.result, (data, noise, [*priors, *fixed], options), deadline)
+    return [_without_step(step, found.left_out, found.result) for found in tried], untried
 
 
 def _without_step(
@@ -343,27 +354,39 @@ def _width(
     make: Family,
     following: tuple[int, int],
     given: _Given,
+    deadline: Deadline,
 ) -> str:
     """Say whether noise or structure makes intervals wide."""
     widest = max(_relative(item) for item in step.result.intervals.values())
     if widest <= width:
         return f"widest interval {100 * widest:.2g} % of its size: as narrow as asked"
-    data, noise, priors, options = given
-    limit = options if options.time_limit is not None else replace(options, time_limit=_SECONDS)
-    model = step.result.formulation.model
-    own = consistency(data, model, noise, priors, limit).scale
-    other = consistency(data, make(*following), noise, priors, limit).scale
     shown = f"widest interval {100 * widest:.2g} % of its size, {100 * width:.2g} % asked"
-    if other[1] < _GAIN * own[0]:
-        return (
-            f"{shown}; order {following[0]}, degree {following[1]} explains the record with "
-            f"{other[1]:.2g} times the noise bounds instead of {own[0]:.2g}: a higher degree or "
-            "order pays, with lower bounds"
-        )
+    if deadline.late:
+        return f"{shown}; there was no time to find out whether noise or structure makes it wide"
+    data, noise, priors, options = given
+    limits = Deadline(2 * _SECONDS) if deadline.unlimited else deadline
+    model = step.result.formulation.model
+    own = consistency(data, model, noise, priors, options.within(limits, 0.5)).scale
+    other = consistency(data, make(*following), noise, priors, options.within(limits)).scale
     return (
-        f"{shown}; this structure needs {own[0]:.2g} times the noise bounds, order {following[0]}, "
-        f"degree {following[1]} at most {other[1]:.2g}: a better sensor or more excitation pays"
+        f"{shown}; this structure needs {_times(own)} the noise bounds, order {following[0]}, "
+        f"degree {following[1]} needs {_times(other)}: {_what_pays(own, other)}"
     )
+
+
+def _times(scale: tuple[float, float]) -> str:
+    """A least factor on the noise bounds between its proved and its attained end."""
+    low, high = rounded(scale[0], False, 2), rounded(scale[1], True, 2)
+    return f"{low} to {high} times" if scale[1] < inf else f"at least {low} times"
+
+
+def _what_pays(own: tuple[float, float], other: tuple[float, float]) -> str:
+    """Compare the least factors of a structure and of the next one, where they are known."""
+    if other[1] < _GAIN * own[0]:
+        return "a higher degree or order pays, with lower bounds"
+    if _GAIN * own[1] <= other[0]:
+        return "a better sensor or more excitation pays"
+    return "which of structure and sensor pays stayed open: give more time"
 
 
 def _decision(result: Identification) -> tuple[str, str]:
@@ -387,8 +410,9 @@ def _relative(item: ParameterInterval) -> float:
     return 0.5 * item.width / size if 0 < size < np.inf else (np.inf if size else 0.0)
 
 
-def _coefficients(result: Identification) -> dict[str, str]:
-    return {name: _sign_test(item) for name, item in result.intervals.items()}
+def _coefficients(result: Identification, untried: Sequence[str]) -> dict[str, str]:
+    found = {name: _sign_test(item) for name, item in result.intervals.items()}
+    return found | {n: f"{found[n]}; there was no time to leave it out" for n in untried}
 
 
 def _sign_test(item: ParameterInterval) -> str:
@@ -401,7 +425,9 @@ def _sign_test(item: ParameterInterval) -> str:
     if item.inner is None:
         return "open: no value is attained"
     if item.inner[0] <= 0 <= item.inner[1]:
-        return "idle: both signs are attained, so that the data do not ask for it"
+        both = item.inner[0] < 0 < item.inner[1]
+        shown = "both signs are attained" if both else "zero is attained"
+        return f"idle: {shown}, so that the data do not ask for it"
     if item.gap > 1.0:
         return (
             f"open: the gap is {item.gap:.2g} times the attained width, so its sign tells nothing"

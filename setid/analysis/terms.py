@@ -21,6 +21,7 @@ from setid.models.narx import PolynomialNARX
 from setid.options import Options
 from setid.priors import Known
 from setid.result.identification import Identification
+from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["Reduced", "idle", "sparse_terms", "without", "without_idle"]
@@ -83,8 +84,8 @@ def without(model: Structure, names: Sequence[str]) -> tuple[Structure, list[Any
 
 
 def without_idle(
-    result: Identification, given: tuple[IOData, Noise, list[Any], Options]
-) -> list[Reduced]:
+    result: Identification, given: tuple[IOData, Noise, list[Any], Options], deadline: Deadline
+) -> tuple[list[Reduced], tuple[str, ...]]:
     """Leave idle terms out and identify again, until none is left or all are needed.
 
     All idle terms go together if that explains the record, else one after the other, the one
@@ -95,12 +96,17 @@ def without_idle(
     result : Identification
     given : tuple
         Record, noise, priors and options.
+    deadline : Deadline
+        For all identifications together.
 
     Returns
     -------
     list of Reduced
         In order; the last one that is not empty is the smallest structure.
+    tuple of str
+        Idle terms that time did not suffice for.
     """
+    data, noise, priors, options = given
     steps: list[Reduced] = []
     gone: tuple[str, ...] = ()
     needed: set[str] = set()
@@ -108,12 +114,15 @@ def without_idle(
     while True:
         candidates = [n for n in idle(current) if n not in gone and n not in needed]
         if not candidates:
-            return steps
+            return steps, ()
         order = sorted(candidates, key=lambda n: abs(current.intervals[n].centre))
         tries = [tuple(candidates)] if len(candidates) > 1 else []
         tries += [(name,) for name in order]
-        for names in tries:
-            step = _tried(result, (*gone, *names), given)
+        for place, names in enumerate(tries):
+            if deadline.late:
+                return steps, tuple(n for n in candidates if n not in needed)
+            timed = options.within(deadline, 1.0 / (len(tries) - place))
+            step = _tried(result, (*gone, *names), (data, noise, priors, timed))
             steps.append(step)
             if not step.result.empty and any(
                 item.inner is not None for item in step.result.intervals.values()
@@ -123,7 +132,7 @@ def without_idle(
             if len(names) == 1:
                 needed.add(names[0])
         else:
-            return steps
+            return steps, ()
 
 
 def _tried(

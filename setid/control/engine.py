@@ -28,6 +28,7 @@ from setid.priors.coefficients import Box, parameters
 from setid.priors.transfer import Stable
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.damaged_texts import refused
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from setid.result.json_parts import read, write
@@ -68,6 +69,7 @@ __all__ = [
     "python_control",
     "read",
     "real_array",
+    "refused",
     "switch",
     "to_json",
     "word",

@@ -180,7 +180,7 @@ def estimate_delta(
     if not 1.0 <= factor < inf:
         raise ModelError(f"margin: found {margin!r}, expected a factor >= 1")
     exact = without_delta(model)
-    given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
+    given = listed(priors)
 
     def stated(delta: float) -> Formulation:
         return formulate(data, exact, noise.covering(delta), given)

@@ -19,6 +19,7 @@ from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.result.damaged_texts import check_fields, refused
 from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
 from setid.result.json_parts import check_attained, read, write
@@ -83,13 +84,10 @@ def from_json(text: str) -> Identification:
             f"from_json: found {head}, expected {[_FORMAT, _KIND, _VERSION]} as format, kind and "
             "version"
         )
-    try:
+    with refused("from_json", "a stored identification"):
         result = _result(found[_KIND])
-    except (sp.SparsePOPError, TypeError, ValueError, KeyError, AttributeError) as error:
-        if isinstance(error, SetidError):
-            raise
-        raise SetidError(f"from_json: {error!r:.200}, expected a stored identification") from error
-    verdict = result.verify()
+    with refused("from_json: verification", "claims that can be checked"):
+        verdict = result.verify()
     if not verdict:
         raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
     units = in_units(result.problem, result.formulation).units
@@ -193,7 +191,7 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
     options = Options(**{name: found["options"][name] for name in _PLAIN})
     intervals = FrozenMapping({i["name"]: _interval(i, formulation) for i in found["intervals"]})
     asked = objectives(formulation) if found["ends"]["results"] else []
-    return Identification(
+    made = Identification(
         formulation=formulation,
         intervals=intervals,
         problem=problem,
@@ -212,6 +210,8 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         fewer_priors=fewer,
         holdout=_holdout(found.get("holdout"), formulation, intervals, options),
     )
+    check_fields(made, "result")
+    return made
 
 
 def _holdout(
@@ -222,9 +222,7 @@ def _holdout(
 ) -> Holdout | None:
     if found is None:
         return None
-    noise, scale = read(found["noise"], "noise"), read(found["scale"], "scale")
-    if len(scale) != 2 or not all(type(end) is float for end in scale):
-        raise SetidError(f"holdout: found {scale!r:.60}, expected two numbers")
+    noise = read(found["noise"], "noise")
     data, parts = read(found["data"], "data"), {key: read(found[key], key) for key in _SCALE}
     formulation = stated(known, intervals, data, noise, parts["limit"])
     problem = problem_with_factor(formulation, parts["box"])
@@ -234,6 +232,7 @@ def _holdout(
     level = NoiseScale(
         **parts, formulation=formulation, problem=problem, result=result, noise=noise
     )
+    check_fields(level, "holdout")
     return Holdout(level)
 
 
@@ -241,17 +240,15 @@ def _interval(found: dict[str, Any], formulation: Formulation) -> ParameterInter
     low, high = (optional(array).read(w, "witnesses") for w in found["witnesses"])
     for point in (low, high):
         _check_witness(point, formulation)
-    outer, inner = read(found["outer"]), read(found["inner"])
-    for ends in (outer, *(() if inner is None else (inner,))):
-        if len(ends) != 2 or not all(type(end) is float for end in ends):
-            raise SetidError(f"intervals: found {ends!r:.60}, expected two numbers")
-    return ParameterInterval(
-        name=str(found["name"]),
-        outer=outer,
-        inner=inner,
+    made = ParameterInterval(
+        name=found["name"],
+        outer=read(found["outer"]),
+        inner=read(found["inner"]),
         status=IntervalStatus[found["status"]],
         witnesses=(low, high),
     )
+    check_fields(made, "intervals")
+    return made
 
 
 def _check_witness(point: Any, formulation: Formulation) -> None:

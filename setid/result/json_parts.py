@@ -33,6 +33,7 @@ from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
+from setid.result.damaged_texts import check_fields, refused
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import array
 from sparsepop_py.io.json_files.values import CONSTRAINT
@@ -144,12 +145,8 @@ def read(found: Any, place: str = "result") -> Any:
         return tuple(read(item, f"{place}[{k}]") for k, item in enumerate(found))
     if not isinstance(found, dict) or not isinstance(found.get("is"), str):
         raise SetidError(f"{place}: found {found!r:.60}, expected a value with its class")
-    try:
+    with refused(place, f"a {found['is']:.60}"):
         return _read_object(found["is"], found, place)
-    except (TypeError, ValueError, KeyError, AttributeError, RecursionError) as error:
-        if isinstance(error, SetidError):
-            raise
-        raise SetidError(f"{place}: {error}, expected a {found['is']}") from error
 
 
 def check_attained(
@@ -194,7 +191,9 @@ def _read_object(name: str, found: dict[str, Any], place: str) -> Any:
         raise SetidError(f"{place}: found a {name!r:.60}, expected a class of setid")
     kind = _classes()[name]
     parts = {key: read(value, f"{place}.{key}") for key, value in found["fields"].items()}
-    return _made(kind, parts)
+    made = _made(kind, parts)
+    check_fields(made, place)
+    return made
 
 
 def _constraint(found: dict[str, Any], place: str) -> sp.Constraint:

@@ -32,6 +32,7 @@ from setid.control.engine import (
     number,
     parsed,
     read,
+    refused,
     write,
 )
 from setid.control.engine import from_json as read_identification
@@ -264,19 +265,10 @@ def from_json(text: str) -> StabilityCertificate:
         raise SetidError(f"from_json: {error}, expected JSON text") from None
     if head != _HEAD:
         raise SetidError(f"from_json: found {head}, expected {_HEAD}")
-    try:
+    with refused("from_json", "a stored certificate"):
         answer = _answer(found)
-    except SetidError:
-        raise
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        TypeError,
-        ValueError,
-    ) as error:
-        raise SetidError(f"from_json: {error!r:.200}, expected a stored certificate") from error
-    verdict = verify(answer)
+    with refused("from_json: verification", "claims that can be checked"):
+        verdict = verify(answer)
     if not verdict:
         raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
     return answer

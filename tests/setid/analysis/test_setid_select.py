@@ -61,7 +61,10 @@ def test_nothing_is_chosen_where_all_is_refuted() -> None:
     [
         ((0.1, 2.0), None, "needed"),
         ((-2.0, -0.1), (-1.0, -0.5), "needed"),
-        ((-1.0, 1.0), (-0.5, 0.5), "idle"),
+        ((-1.0, 1.0), (-0.5, 0.5), "idle: both signs"),
+        ((-1e-9, 1.0), (0.0, 0.9), "idle: zero is attained"),
+        ((-1.0, 0.0), (-0.9, 0.0), "idle: zero is attained"),
+        ((0.0, 0.0), (0.0, 0.0), "idle: zero is attained"),
         ((-1.0, 1.0), (0.4, 0.6), "open: the gap is 7"),
         ((-0.01, 1.0), (0.1, 0.9), "open: zero"),
         ((-1.0, 1.0), None, "open: no value"),
@@ -70,6 +73,35 @@ def test_nothing_is_chosen_where_all_is_refuted() -> None:
 def test_signs_are_trusted_only_where_settled(outer, inner, text) -> None:
     status = setid.IntervalStatus.PARTIAL
     assert _sign_test(setid.ParameterInterval("a1", outer, inner, status)).startswith(text)
+
+
+def test_a_coefficient_of_one_sign_is_not_said_to_attain_both() -> None:
+    """A prior leaves b1 no negative value."""
+    random = np.random.default_rng(0)
+    u = random.uniform(-1, 1, 20)
+    data = setid.IOData(u, u + random.uniform(-0.1, 0.1, 20))
+    found = setid.select(
+        data,
+        lambda order, degree: setid.TransferFunction(0, 2, 0),
+        setid.Noise(equation=0.15),
+        [1],
+        priors=setid.Box({"b1": (0, 1)}),  # one prior alone
+    )
+    assert found.result is not None and found.result.intervals["b1"].inner[0] == 0.0
+    assert found.coefficients["b1"].startswith("idle: zero is attained")
+
+
+@pytest.mark.parametrize("priors", [None, -1, 1.5])
+def test_priors_that_are_none_are_refused(priors) -> None:
+    data, noise = laboratory_two_second(0.5, 20), setid.Noise(equation=0.5)
+    model = setid.ContinuousTransferFunction(1, 0, delta="estimate")
+    for ask in (
+        lambda: setid.select(data, setid.TransferFunction, noise, [1], priors=priors),
+        lambda: setid.consistency(data, setid.TransferFunction(1, 1), noise, priors),
+        lambda: setid.estimate_delta(data, model, noise, priors),
+    ):
+        with pytest.raises(setid.PriorError, match="priors: found .*, expected a list of priors"):
+            ask()
 
 
 def test_wrong_input_is_refused() -> None:

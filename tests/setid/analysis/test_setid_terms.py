@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
 import numpy as np
+import pytest
 
 import setid
+from setid import options
+from setid.analysis import select, terms
 
 BOUND = 0.02
 
@@ -80,3 +88,80 @@ def test_transfer_functions_keep_idle_coefficients_at_zero() -> None:
     assert found.result is not None
     assert found.result.intervals["b0"].outer == (0.0, 0.0)
     assert found.coefficients["b1"].startswith("needed")
+
+
+class Clock:
+    """A clock that stands still but for the seconds that patched functions are said to take."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+        self.now, self.factor, self.limits = 0.0, factor, list[float]()
+        monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(options, "monotonic", lambda: self.now)
+        for module, name in ((select, "identify"), (terms, "identify"), (select, "consistency")):
+            monkeypatch.setattr(module, name, self.slow(getattr(module, name)))
+
+    def slow(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        def asked(*given: Any) -> Any:
+            self.limits.append(given[-1].time_limit)
+            found = function(*given)
+            self.now += self.factor * given[-1].time_limit
+            return found
+
+        return asked
+
+
+MINUTE = setid.Options(time_limit=60.0, progress=False)
+
+
+def test_all_that_is_asked_shares_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each identification and least factor takes all the time that it is given."""
+    clock, noise = Clock(monkeypatch, 1.0), setid.Noise(equation=0.6)
+    asked: dict[str, Any] = {"options": MINUTE, "remove_idle": True, "width": 0.05}
+    found = setid.select(record(), full, noise, [1], [2], **asked)
+    assert len(found.steps) > 1 and found.advice
+    assert clock.limits[0] == pytest.approx(20.0)  # two stages follow
+    assert sum(clock.limits[1:-2]) <= 20.0 + 1e-6
+    assert sum(clock.limits) == pytest.approx(60.0)
+
+
+def test_sparse_terms_share_the_time_limit_of_a_structure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a needed term the record is refuted, and the whole structure is tried."""
+    clock = Clock(monkeypatch, 1.0)
+    monkeypatch.setattr(select, "sparse_terms", lambda *given: ("c[u1]",))
+    found = setid.select(
+        record(), full, setid.Noise(equation=BOUND), [1], [2], options=MINUTE, l1=True
+    )
+    assert found.chosen is not None and clock.limits == pytest.approx([30.0, 30.0])
+
+
+def test_the_log_says_what_there_was_no_time_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, noise = Clock(monkeypatch, 4.0), setid.Noise(equation=0.6)
+    asked: dict[str, Any] = {"options": MINUTE, "remove_idle": True, "width": 0.05}
+    found = setid.select(record(), full, noise, [1], [2], **asked)
+    assert clock.limits == pytest.approx([20.0]) and len(found.steps) == 1
+    late = [text for text in found.coefficients.values() if "no time to leave it out" in text]
+    assert late and all(text.startswith("idle") for text in late)
+    assert found.log.count("there was no time") == len(late) + 1
+    assert "no time to find out whether noise or structure" in found.advice
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "texts"),
+    [
+        ((0.5, 0.6), (0.1, 0.3), ["needs 0.5 to 0.6 times", "a higher degree or order pays"]),
+        ((0.5, 0.6), (0.45, 0.5), ["needs 0.45 to 0.5 times", "a better sensor"]),
+        ((0.5, 0.6), (0.1, inf), ["needs at least 0.1 times", "stayed open"]),
+        ((0.5, 0.6), (0.1, 0.5), ["stayed open"]),
+        ((0.5, inf), (0.4, 0.45), ["needs at least 0.5 times", "stayed open"]),
+        ((0.5, inf), (0.1, 0.3), ["needs at least 0.5 times", "a higher degree or order pays"]),
+    ],
+)
+def test_advice_follows_from_least_factors(monkeypatch, own, other, texts) -> None:
+    class Found:
+        def __init__(self, scale: tuple[float, float]) -> None:
+            self.scale = scale
+
+    scales = iter((own, other))
+    monkeypatch.setattr(select, "consistency", lambda *given: Found(next(scales)))
+    found = setid.select(record(), full, setid.Noise(equation=0.6), [1], [1], width=0.05)
+    assert all(text in found.advice for text in texts)

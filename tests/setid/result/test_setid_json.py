@@ -5,6 +5,9 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+import random
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,10 @@ import pytest
 import setid
 from setid.analysis.reparametrise import Reparametrisation
 from setid.control.certificates import stored
+from setid.proofs.denominators.denominator_box import DenominatorBox, Limit
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
+from setid.proofs.denominators.varying_multipliers import VaryingCells
+from setid.proofs.parameter_box import problem_on_box
 
 FAST = setid.Options(time_limit=5.0, progress=False)
 FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
@@ -54,7 +61,28 @@ def refuted() -> setid.Identification:
     return setid.identify(record(setid.Noise(output=0.5)), FIRST, noise, (), FAST)
 
 
-CASES = [equation, sensors, block, polynomial, refuted]
+def cones() -> setid.Identification:
+    """The last sample alone says 4 b = 2 + a + noise, at most .1 (1 + abs(a)) in size."""
+    data = setid.IOData([1.0, 2.0, 4.0], [0.5, 1.0, 2.0])
+    model = setid.TransferFunction(na=1, nb=1)
+    priors = [setid.Stable(), setid.Box({"b0": (-9, 9)})]
+    known = setid.formulate(data, model, setid.Noise(output=0.1), priors)
+    leaf = VaryingLeaf((), (), ())
+    cells = (Cell((1, 2), (0, 1), (1, 1)), leaf, leaf)
+    tree = VaryingCells(0, np.array([2]), np.array([[0.0, 0.0, -1.0]]), cells)
+    limits = Limit(0, 0, 1, 0.81, (0, 0), (0, 0)), Limit(1, 0, 1, 0.53, (0, 0), (0, 0))
+    low, high = np.array([-1.0, -9.0]), np.array([1.0, 0.81])
+    box = DenominatorBox(known.parameters, low, high, None, (tree,), (limits,))
+    ends = zip(known.parameters, low.tolist(), high.tolist(), strict=True)
+    partial = setid.IntervalStatus.PARTIAL
+    items = {n: setid.ParameterInterval(n, (a, b), None, partial) for n, a, b in ends}
+    problem = problem_on_box(known, box)
+    return setid.Identification(
+        known, items, problem, setid.Options(), known.assumptions, box, (), ()
+    )
+
+
+CASES = [equation, sensors, block, polynomial, refuted, cones]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -183,3 +211,83 @@ def test_frame_of_intervals() -> None:
 def test_names_that_stand_twice_are_refused(read):
     with pytest.raises(setid.SetidError, match="found the name 'format' twice in one object"):
         read('{"format": "setid", "format": "setid", "version": 1}')
+
+
+# ---- damaged texts --------------------------------------------------------------------------
+
+FIELDS = ("box", "fields")
+TREE, LIMIT = (*FIELDS, "trees", 0, "fields"), (*FIELDS, "limits", 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "why"),
+    [
+        ((*FIELDS, "first"), 7, r"box\.first: found 7, expected ParameterBox \| .*None"),
+        ((*FIELDS, "trees"), 5, r"box\.trees: found 5, expected tuple\[VaryingCells, \.\.\.\]"),
+        (LIMIT, None, r"box\.limits: found .*expected tuple\[tuple\[Limit"),
+        ((*LIMIT, "fields", "value"), 10**400, r"limits\[0\]\[0\]\.value: .*expected float"),
+        ((*LIMIT, "fields", "value"), 1e308, "the box does not follow from the data"),
+        ((*LIMIT, "fields", "powers"), [0.5, 0], r"powers: found \(0\.5, 0\), expected tuple\[int"),
+        ((*LIMIT, "fields", "used"), None, r"limits\[0\]\[0\]\.used: found None, expected tuple"),
+        ((*LIMIT, "fields", "sign"), True, r"limits\[0\]\[0\]\.sign: found True, expected int"),
+        ((*TREE, "output"), 0.5, r"trees\[0\]\.output: found 0\.5, expected int"),
+        ((*TREE, "free"), [1e308, 1], r"box\.trees\[0\]: OverflowError"),
+        ((*TREE, "multipliers"), 10**400, r"box\.trees\[0\]: OverflowError"),
+        ((*TREE, "cells", 2), 7, r"trees\[0\]\.cells: found .*expected tuple\[Cell \| VaryingLeaf"),
+        (
+            (*TREE, "cells", 0, "fields", "edge"),
+            ["x", 1],
+            r"edge: found .*expected tuple\[int, int\]",
+        ),
+        (
+            (*TREE, "cells", 0, "fields", "weights"),
+            [0.5, 1.5],
+            r"weights: .*expected tuple\[int, int\]",
+        ),
+        ((*TREE, "cells", 0, "fields", "children"), [[]], "children: found .*expected tuple"),
+        ((*FIELDS, "lower", "shape"), [2, 1], "from_json: ValueError"),
+        (("unbounded",), "u", r"result\.unbounded: found 'u', expected Unbounded \| None"),
+        (("bounds",), [3], r"result\.bounds: found \(3,\), expected tuple\[LinearBound"),
+        (("options", "tol"), 10**400, "tol"),
+        (("timings",), {"box": 10**400}, "OverflowError"),
+        (("intervals", 0, "name"), 7, r"intervals\.name: found 7, expected str"),
+    ],
+)
+def test_damaged_fields_are_named(path: tuple[str | int, ...], value: object, why: str) -> None:
+    with pytest.raises(setid.SetidError, match=why):
+        setid.Identification.from_json(changed(cones(), *path, value=value))
+
+
+def test_what_verification_ends_in_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = cones().to_json()
+    monkeypatch.setattr(setid.Identification, "verify", lambda self: [0.5][1])
+    with pytest.raises(setid.SetidError, match="from_json: verification: IndexError"):
+        setid.Identification.from_json(text)
+
+
+def places(found: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Each place in a text, of long lists some."""
+    if path:
+        yield path
+    items: Any = found.items() if isinstance(found, dict) else ()
+    if isinstance(found, list):
+        items = list(enumerate(found))[:: max(1, len(found) // 6)]
+    for key, value in items:
+        yield from places(value, (*path, key))
+
+
+DAMAGE = [10**400, None, 0.5, -1, 7, True, "x", [], {}, [[]], [0.5, 0], 1e308, 5e-324, -(2**63)]
+
+
+@pytest.mark.parametrize(("case", "count"), [(cones, 150), (equation, 40), (refuted, 40)])
+def test_damage_ends_in_a_message_or_in_claims_that_hold(case: Any, count: int) -> None:
+    result, chance = case(), random.Random(case.__name__)
+    all_places = list(places(json.loads(result.to_json())["result"]))
+    refused = 0
+    damage = (chance.choices(items, k=count) for items in (all_places, DAMAGE))
+    for path, value in zip(*damage, strict=True):
+        try:
+            assert setid.Identification.from_json(changed(result, *path, value=value)).verify()
+        except setid.SetidError:
+            refused += 1
+    assert refused > count / 2
