@@ -219,7 +219,9 @@ class Deadline:
         return self.stopped or time.monotonic() >= self.end
 
     def part(self, share: float, otherwise: float | None = None) -> Deadline:
-        """Return a deadline after a share of the time left; an interrupt of it ends the whole.
+        """Return a deadline after a share of the time left.
+
+        An interrupt of the part ends the whole.
 
         Parameters
         ----------

@@ -246,7 +246,7 @@ def _directions(
 
 
 def _deviation(result: FeasibleSet, target: str, points: Reals, reach: Reals) -> Reals:
-    """How far a map may be from its computed values (K,), by rounding and errors in arguments.
+    """Distance of a map from its computed values (K,), by rounding and errors in arguments.
 
     Functions that are given are taken as they are; they need arguments without errors.
     """

@@ -162,7 +162,7 @@ def _dyadic(value: float) -> Ends:
 
 
 def _more_bits(bits: int, part: float) -> int:
-    """Bits with which all rows may be narrow where so many sufficed for a part of them."""
+    """Bits that may suffice for all rows where so many sufficed for a part."""
     return int(min(max(1.1 * bits / max(part, 1e-9), 2.0 * bits), 16.0 * bits))
 
 

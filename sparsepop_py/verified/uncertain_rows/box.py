@@ -38,7 +38,7 @@ class Bounds:
         return bool(np.any(self.lower > self.upper))
 
     def follow(self, low: Reals, high: Reals) -> bool:
-        """Check that they hold a box (p,) that is proved, with one pair of bounds a parameter.
+        """Check that they hold a proved box of one pair of ends a parameter.
 
         Parameters
         ----------
