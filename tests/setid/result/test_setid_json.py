@@ -103,7 +103,8 @@ def test_json_pickle_and_copies_keep_every_claim(case: object) -> None:
 def test_a_result_that_was_read_serves_as_before() -> None:
     result = sensors()
     back = setid.Identification.from_json(result.to_json())
-    assert np.array_equal(setid.step_band(back, 10).high, setid.step_band(result, 10).high)
+    bands = [setid.step_band(found, 10, tolerance=100.0) for found in (back, result)]  # no clock
+    assert np.array_equal(bands[0].high, bands[1].high)
     assert back.best().theta == pytest.approx(result.best().theta)
     assert back.options == result.options
 
