@@ -81,6 +81,7 @@ from setid.result.holdout import Holdout, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.result import INTERRUPTED
 from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["identify"]
@@ -150,8 +151,8 @@ def identify(
     -------
     Identification
         An empty feasible set, unbounded intervals and open gaps are statuses of the result,
-        never exceptions. Ctrl-C ends the work; what is proved by then is returned. Before the
-        problem is stated there is nothing to return, and the interrupt goes on.
+        never exceptions. Ctrl-C ends the work; what is proved by then is returned, and a note
+        says so. Where it comes while the problem is stated, or between two stages, it goes on.
 
     Raises
     ------
@@ -193,7 +194,7 @@ def identify(
         "delta", lambda: with_estimate(data, model, noise, priors, task.until)
     )
     formulation = task.timed("formulate", lambda: formulate(data, model, noise, given))
-    return _with_remark(_intersected(formulation, task))
+    return _with_remarks(_intersected(formulation, task), task)
 
 
 def _held_out(
@@ -218,7 +219,7 @@ def _held_out(
     share = None if settings.time_limit is None else _FIRST * settings.time_limit
     timed = replace(settings, time_limit=share)
     found = identify(first, model, own, priors, timed, on_progress=on_progress)
-    if found.empty:
+    if found.empty or found.interrupted:
         return found
     known = found.formulation
     given = members(known, found.intervals)
@@ -265,6 +266,8 @@ class _Task:
 
     def kept(self, stage: str, work: Callable[[], Any], otherwise: Any) -> Any:
         """Do timed work within the limits; what there is otherwise if it is ended before."""
+        if self.deadline.stopped:
+            return otherwise
         try:
             with self.deadline.kept():
                 return self.timed(stage, work)
@@ -348,11 +351,13 @@ def _intersect(found: Identification, other: Identification, tol: float) -> Iden
     )
 
 
-def _with_remark(found: Identification) -> Identification:
-    """Add what is to be said of the discretisation, if anything."""
+def _with_remarks(found: Identification, task: _Task) -> Identification:
+    """Add what is to be said of the discretisation, and of an interrupt, if anything."""
     middle = np.array([interval.centre for interval in found.intervals.values()])
     text = "" if found.empty else remark(found.formulation, middle)
-    return replace(found, notes=(*found.notes, text)) if text else found
+    ended = INTERRUPTED if task.deadline.stopped and not found.empty else ""
+    notes = dict.fromkeys([*found.notes, *filter(None, (text, ended))])
+    return replace(found, notes=tuple(notes))
 
 
 def _reported(
@@ -403,7 +408,7 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
-        notes = (*notes, _NO_BOX)
+        notes = (*notes, _STOPPED if task.deadline.stopped else _NO_BOX)
     parts, settled = cascade_of(formulation, box) or _long_record(formulation), None
     if parts is not None:
         settled = _by_simulation(formulation, task, parts, box, notes)
@@ -546,7 +551,7 @@ def _by_simulation(
     )
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
     task.kept("report", lambda: _report(formulation, task, items), None)
-    if cut_short and any(map(_is_open, items)):
+    if cut_short and any(map(_is_open, items)) and not task.deadline.stopped:
         notes = (*notes, _OPEN)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
@@ -654,6 +659,8 @@ def _by_engine(
     results = task.timed(
         "engine", lambda: _solve(formulation, _stated(outcome), scaled, task, points)
     )
+    if any(found.status is sp.Status.INTERRUPTED for found in results):
+        task.deadline.stop()
     notes = dict.fromkeys([*outcome.notes, *(note for found in results for note in found.notes)])
     for found in results:
         for stage, seconds in found.timings.items():

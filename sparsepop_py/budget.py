@@ -154,7 +154,7 @@ class Deadline:
         self._begin, self._begin_cpu = time.monotonic(), time.process_time()
         self._limit, self._cpu_limit = limit, cpu_limit
         self._last = None if work_limit is None else spent() + work_limit
-        self.stopped = False
+        self._stopped = False
         self._whole: Deadline | None = None  # of which this is a part
         self.cut = False  # something was not begun since it would have taken too long
 
@@ -164,7 +164,7 @@ class Deadline:
 
     def stop(self) -> None:
         """End now, and all that this is a part of: the user interrupted."""
-        self.stopped = True
+        self._stopped = True
         if self._whole is not None:
             self._whole.stop()
 
@@ -172,6 +172,11 @@ class Deadline:
         """Note what ended the work early: an interrupt by the user ends all of it."""
         if isinstance(cause, KeyboardInterrupt):
             self.stop()
+
+    @property
+    def stopped(self) -> bool:
+        """True if the user interrupted this work or the whole of it."""
+        return self._stopped or (self._whole is not None and self._whole.stopped)
 
     @property
     def counts_work(self) -> bool:
@@ -221,7 +226,7 @@ class Deadline:
     def part(self, share: float, otherwise: float | None = None) -> Deadline:
         """Return a deadline after a share of the time left.
 
-        An interrupt of the part ends the whole.
+        An interrupt ends the whole and all its parts.
 
         Parameters
         ----------
@@ -233,7 +238,7 @@ class Deadline:
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         cpu_left = None if self.cpu_left is None else share * self.cpu_left
         found = Deadline(otherwise if left is cpu_left is None else left, None, cpu_left)
-        found.stopped, found._whole = self.stopped, self
+        found._whole = self
         return found
 
     @property
@@ -291,6 +296,7 @@ class Deadline:
             _begin=self._begin - now,
             _begin_cpu=self._begin_cpu - now_cpu,
         )
+        state["_stopped"] = self.stopped
         return state | {"_last": None if self._last is None else self._last - spent()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

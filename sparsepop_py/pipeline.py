@@ -44,7 +44,7 @@ from sparsepop_py.problem.rounding import note as rounding_note
 from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
-from sparsepop_py.result import Point, Result, Status
+from sparsepop_py.result import INTERRUPTED, Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.strategy.linear_tree import box_of_starts, from_convex_minimiser
 from sparsepop_py.strategy.multi_objective import (
@@ -60,9 +60,8 @@ from sparsepop_py.verified.certificate.steps import BoxProof
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["INTERRUPTED", "solve", "solve_each"]
+__all__ = ["solve", "solve_each"]
 
-INTERRUPTED = "interrupted: what is proved so far is kept"
 _UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
 _CANCELLING = 1e10  # relative to an attained value: coefficients that say why digits are lost
 _LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from sparsepop_py.conic.program import ConicSolution
     from sparsepop_py.relaxation.moment import Relaxation
 
-__all__ = ["HistoryEntry", "Point", "Result", "Status"]
+__all__ = ["INTERRUPTED", "HistoryEntry", "Point", "Result", "Status"]
+
+INTERRUPTED = "interrupted: what is proved so far is kept"  # a note
 
 
 class Status(StrEnum):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py import pipeline
+from sparsepop_py.result import INTERRUPTED
 from sparsepop_py.verified.certificate.certificate import Certificate
 
 INF = np.inf
@@ -101,4 +101,4 @@ def test_an_interrupt_of_the_last_check_keeps_the_result(monkeypatch: pytest.Mon
     x, y = sp.variables(2)
     result = sp.solve(sp.Problem(x * y, [x**2 + y**2 <= 1]))
     assert -0.5 - 1e-6 <= result.lower_bound <= -0.5
-    assert pipeline.INTERRUPTED in result.notes
+    assert INTERRUPTED in result.notes

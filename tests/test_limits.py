@@ -109,8 +109,10 @@ def test_an_interrupt_of_a_part_ends_the_whole():
     assert not (part.stopped or whole.stopped)
     pickle.loads(pickle.dumps(part)).stop()
     assert not whole.stopped
+    sibling = whole.part(0.9)
     part.ended(KeyboardInterrupt())
     assert part.stopped and whole.stopped and whole.over
+    assert sibling.stopped and sibling.over and pickle.loads(pickle.dumps(sibling)).stopped
 
 
 def test_threads_keep_their_own_limits():

@@ -243,10 +243,12 @@ def select(
     with closing(found):
         for step in found:
             steps.append(step)
-            if step.decision == "kept":
+            if step.result.interrupted:
+                deadline.stop()
+            if step.decision == "kept" or deadline.stopped:
                 break
-        else:
-            return Selection(tuple(steps), None, {})
+    if steps[-1].decision != "kept":
+        return Selection(tuple(steps), None, {})
     removal = deadline.part(1.0 if width is None else 0.5)
     more, untried = _without_idle(step, given, removal) if remove_idle else ([], ())
     last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)

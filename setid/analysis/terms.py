@@ -124,6 +124,8 @@ def without_idle(
             timed = options.within(deadline, 1.0 / (len(tries) - place))
             step = _tried(result, (*gone, *names), (data, noise, priors, timed))
             steps.append(step)
+            if step.result.interrupted:
+                deadline.stop()
             if not step.result.empty and any(
                 item.inner is not None for item in step.result.intervals.values()
             ):

@@ -35,6 +35,7 @@ from setid.proofs.existence import proved_point
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import recursion_of
+from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,6 +45,7 @@ __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
+_EXPONENT = 900  # of products that are normal doubles
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 
 
@@ -183,7 +185,7 @@ def static_band(
         low, high = values.min(axis=0), values.max(axis=0)
     else:
         off = _deviation(result, target, points, np.zeros_like(points))
-        low, high = _proved(result, slopes, constant, off, seconds)
+        low, high = _proved(result, cover_of(result), (slopes, constant), off, seconds)
     low, high = frozen(np.asarray(low, np.float64)), frozen(np.asarray(high, np.float64))
     arguments = item.arguments
     return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
@@ -254,25 +256,39 @@ def _deviation(result: FeasibleSet, target: str, points: Reals, reach: Reals) ->
     low, high = result.outer_box
     largest = dict(zip(result.formulation.parameters, np.maximum(-low, high), strict=True))
     largest |= {name: abs(value) for name, value in model.fixed}
-    off, size, exact = np.zeros(len(points)), np.abs(points), ~np.any(reach > 0, axis=1)
-    for m, weight in enumerate(model.wiring.weights(target)):
+    off, weights = np.zeros(len(points)), model.wiring.weights(target)
+    for m, weight in enumerate(weights):
         powers = item.basis[m]
-        if callable(powers):
-            far = item.value(m, *points.T)
-            apart, rounding = np.where(exact, 0.0, inf), _EPS
-        else:
-            far = item.value(m, *(size + reach).T)
-            apart, rounding = far - item.value(m, *size.T), (4 + 2 * sum(powers)) * _EPS
-        apart = apart + rounding * np.abs(far)
-        off += np.where(apart > 0.0, largest[weight], 0.0) * np.where(apart > 0.0, apart, 0.0)
-    return off * _MORE
+        with np.errstate(all="ignore"):
+            if callable(powers):
+                far, rounding = np.abs(item.value(m, *points.T)), 0
+                apart = np.where(np.any(reach > 0, axis=1), inf, 0.0)
+            else:
+                far, apart = _monomial(item, m, powers, points, reach)
+                rounding = 2 * sum(powers)
+            apart += (rounding + len(weights) + 4) * _EPS * far
+        found = ~(apart == 0.0)
+        off[found] += largest[weight] * apart[found]
+    return np.where(np.isnan(off), inf, off) * _MORE
+
+
+def _monomial(
+    item: StaticMap, m: int, powers: tuple[int, ...], points: Reals, reach: Reals
+) -> tuple[Reals, Reals]:
+    """The largest size of a monomial (K,), and how far it may be from that at the points."""
+    used, most = np.array(powers) > 0, 2.0 ** (_EXPONENT / max(sum(powers), 1))
+    size = np.abs(points) + reach
+    far, near = item.value(m, *size.T), item.value(m, *np.abs(points).T)
+    held = (size == 0.0) | ((size >= 1.0 / most) & (size <= most))  # no product leaves the doubles
+    return far, np.where(np.all(held[:, used], axis=1), far - near, inf)
 
 
 def _proved(
-    result: FeasibleSet, slopes: Reals, constant: Reals, off: Reals, seconds: float
+    result: FeasibleSet, cover: Cover, values: tuple[Reals, Reals], off: Reals, seconds: float
 ) -> tuple[Reals, Reals]:
-    """Ends of slopes times theta plus a constant, which may be ``off`` (K,) from the map."""
-    ends = supports(cover_of(result), slopes)
+    """Bound slopes times theta plus a constant, which may be ``off`` (K,) from the map."""
+    slopes, constant = values
+    ends = supports(cover, slopes)
     if seconds > 0 and np.all(np.isfinite(ends)):
         ends = _narrowed(result, slopes, ends, seconds)
     size = off + 8 * _EPS * (np.abs(ends).max(axis=1) + np.abs(constant))
@@ -342,7 +358,8 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     points = data.u[np.ix_(rows, channels)]
     reach = result.formulation.noise.bounds(data)[1][np.ix_(rows, channels)]
     off = _deviation(result, name, points, reach)
-    proved = _proved(result, *_directions(model, name, item, points), off, 0.0)
+    values = _directions(model, name, item, points)
+    proved = _proved(result, cover_of(result), values, off, 0.0)
     parts = (*proved, *_attained(result, name, rows, channels))
     return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
 

@@ -45,6 +45,7 @@ __all__ = [
     "exp_negative",
     "linearise",
     "matmul",
+    "nowhere_above",
     "require_ieee",
     "row_sums",
     "slope_at",
@@ -81,6 +82,16 @@ def _table() -> Reals:
     table = np.array(values)
     table.flags.writeable = False
     return table
+
+
+def nowhere_above(array: Reals, other: Reals) -> bool:
+    """Check that no entry exceeds that of another array of its shape; NaN claims nothing.
+
+    Parameters
+    ----------
+    array, other : array of float
+    """
+    return array.shape == other.shape and not np.any(array > other)
 
 
 def exp_negative(y: ArrayLike) -> Interval:

@@ -110,5 +110,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 def _items_fit(values: tuple[Any, ...], hints: tuple[Any, ...]) -> bool:
     if hints[-1] is Ellipsis:
+        if hints[0] in (int, float) and set(map(type, values)) <= {hints[0]}:
+            return True
         hints = hints[:1] * len(values)
     return len(values) == len(hints) and all(map(_fits, values, hints))

@@ -27,6 +27,7 @@ from setid.proofs.uniqueness.normalisation import Nonzero
 from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.proofs.verification import verify
 from setid.result.holdout import Holdout
+from sparsepop_py.result import INTERRUPTED
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -123,6 +124,11 @@ class Identification(FeasibleSet):
         """The least settled status of all parameters."""
         found = {interval.status for interval in self.intervals.values()}
         return next(status for status in _WORST_FIRST if status in found)
+
+    @property
+    def interrupted(self) -> bool:
+        """True if Ctrl-C ended the work that made it."""
+        return INTERRUPTED in self.notes
 
     @property
     def evidence(self) -> Evidence:

@@ -37,6 +37,7 @@ _SOLVE_COMMENT = re.compile(
     r"\*\s*(solve\b.*\busing\b.*\b(?:mini|maxi)mi[sz]ing\s+[a-z]\w*)", re.IGNORECASE
 )
 _SOLVE = re.compile(r"solve\b", re.IGNORECASE)
+_SOLVES = re.compile(r"(?:^|;)\s*solve\b", re.IGNORECASE)
 _BLOCK = {word: re.compile(rf"\${word}\b", re.IGNORECASE) for word in ("ontext", "offtext")}
 _SWITCHES = "digit|dollar|include|listing|symlist|symxref|uellist|uelxref|upper|warning"
 _HARMLESS = re.compile(
@@ -118,19 +119,20 @@ def _without_comments(path: str, text: str) -> tuple[list[str], list[tuple[int, 
     """Lines with comments blanked, and the comments with their line numbers."""
     lines: list[str] = []
     comments: list[tuple[int, str]] = []
-    block = 0  # line of the $ontext that is open
+    block, solved = 0, False  # line of the $ontext that is open; behind the first Solve
     for number, line in enumerate(text.split("\n"), 1):
         lines.append("" if block or line.startswith(("*", "$")) else line)
         if block or _BLOCK["ontext"].match(line):
             block = 0 if _BLOCK["offtext"].match(line) else block or number
         elif line.startswith("*"):
             comments.append((number, line))
-        elif line.startswith("$") and not _HARMLESS.fullmatch(line):
+        elif line.startswith("$") and not solved and not _HARMLESS.fullmatch(line):
             raise Statement(path, line, number).error(
                 repr(line.split()[0]),
                 "one file that holds the whole problem; of lines with $ only $ontext, titles and "
                 "switches of the listing",
             )
+        solved |= not block and _SOLVES.search(lines[-1]) is not None
     if block:
         raise Statement(path, "$ontext", block).error("no $offtext", "one after $ontext")
     return lines, comments

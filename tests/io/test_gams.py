@@ -231,6 +231,12 @@ def test_lines_that_can_change_the_problem_are_refused(read, line: str) -> None:
     assert f"found {line.split()[0]!r}, expected one file" in str(caught.value)
 
 
+@pytest.mark.parametrize("line", ["$exit", "$if set x $abort", "$onecho > file", "$offecho"])
+def test_lines_behind_the_first_solve_change_nothing(read, line: str) -> None:
+    solves = SMALL.replace("Model m", "$offlisting\nModel m")
+    assert read(f"{solves}\n{line}\n").fingerprint == read(SMALL).fingerprint
+
+
 def test_a_star_in_column_one_is_a_comment_and_elsewhere_a_product(read) -> None:
     body = "e1.. objvar =E= 3\n*x\n  *y; e2.. y =G= 0;"
     assert str(read(file(body)).objective) == "3*y"

@@ -16,9 +16,9 @@ from sparsepop_py import Options, Status
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.pipeline import INTERRUPTED
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
+from sparsepop_py.result import INTERRUPTED
 from sparsepop_py.strategy import adaptive
 from sparsepop_py.verified.certificate.steps import Replay
 

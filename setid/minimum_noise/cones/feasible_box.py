@@ -55,7 +55,7 @@ Ends = tuple[Reals, Reals]
 _Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
 _OPEN = VaryingLeaf((), (), ())
 _SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
-_FREE = 0.1  # the least, for orders from 3 on without a prior: nearer, the engine is faster
+_OWN = 0.1  # the least of denominators without a prior, from order 3 on: the engine is faster then
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
 _OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
 _LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
@@ -114,7 +114,7 @@ def denominator_box(
         parts = 1.0 / (outputs - output)
         until = deadline.part(parts, otherwise=parts * _ALONE)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
-        complete &= search.run(tol if _is_fast(rows) else max(tol, _FREE))
+        complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _OWN))
         tree, own = search.proved(output)
         trees.append(tree)
         limits.append(own)
@@ -173,7 +173,7 @@ class _Search:
         self._wholes: list[int] = []  # -1 for the first ones
         self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
         self._waiting: list[tuple[_Order, int, _Grown]] = []
-        self._count, self._share = 0, _SHARES[0]
+        self._count, self._share, self._least = 0, _SHARES[0], 0.0
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
 
@@ -192,7 +192,7 @@ class _Search:
     def _order(self, grown: _Grown) -> _Order:
         """Denominators first: of gains nothing is known before."""
         own = self._beyond(grown, [place for _, place in self._own])
-        if own > self._share:
+        if own > max(self._share, self._least):
             return 0, -own
         return 1, -self._beyond(grown, [place for _, place, _ in self._gains])
 
@@ -201,8 +201,12 @@ class _Search:
 
     # ---- the search ------------------------------------------------------------------------
 
-    def run(self, tol: float) -> bool:
-        """Part cones until none reaches farther than is asked; whether time sufficed."""
+    def run(self, tol: float, least: float) -> bool:
+        """Part cones until none reaches farther than is asked; whether time sufficed.
+
+        Denominators need not be nearer than ``least``.
+        """
+        self._least = least
         try:
             return all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
         except EARLY as cause:

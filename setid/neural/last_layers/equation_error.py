@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
-from setid.neural.arithmetic import Interval, at_least, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, nowhere_above, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
 
@@ -72,8 +72,8 @@ class EquationError:
                 (np.array_equal(again.row, self.row), "the rows are not those of the record"),
                 (at_least(again.lower_bound, self.lower_bound), "the lower bound"),
                 (at_least(self.upper_bound, again.upper_bound), "the upper bound"),
-                (not np.any(self.low > again.low), "the band is too high"),
-                (not np.any(self.high < again.high), "the band is too low"),
+                (nowhere_above(self.low, again.low), "the band is too high"),
+                (nowhere_above(again.high, self.high), "the band is too low"),
                 (self.status is again.status, "the status"),
             )
 

@@ -36,7 +36,7 @@ from setid import (
     parameter_box,
 )
 from setid.data.checks import FrozenMapping, natural, number
-from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
     Rows,
@@ -145,10 +145,10 @@ class LayerBand:
         again = _band(self.result, self.data, self.dual)
         with np.errstate(invalid="ignore"):
             return agreed(
-                (not np.any(self.low > again.low), "the band is too high"),
-                (not np.any(self.high < again.high), "the band is too low"),
-                (not np.any(self.reading_low > again.reading_low), "the readings' band"),
-                (not np.any(self.reading_high < again.reading_high), "the readings' band"),
+                (nowhere_above(self.low, again.low), "the band is too high"),
+                (nowhere_above(again.high, self.high), "the band is too low"),
+                (nowhere_above(self.reading_low, again.reading_low), "the readings' band"),
+                (nowhere_above(again.reading_high, self.reading_high), "the readings' band"),
             )
 
 
@@ -482,7 +482,7 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
     members = item.inside
     inner = None if item.inner is None or not len(members) else item.inner
     attained = inner is None or (
-        bool(np.all(members.min(axis=0) <= inner[0])) and bool(np.all(members.max(0) >= inner[1]))
+        at_least(inner[0], members.min(axis=0)) and at_least(members.max(axis=0), inner[1])
     )
     return agreed(
         (item.factor[0] <= factor, "the least noise bound is not proved"),

@@ -21,7 +21,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import natural, number
-from setid.neural.arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
+from setid.neural.arithmetic import (
+    Interval,
+    LinearModel,
+    at_least,
+    down,
+    matmul,
+    require_ieee,
+    row_sums,
+    up,
+)
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
 from setid.neural.simulations.forms import Form
@@ -92,11 +101,11 @@ class OutputError:
         require_ieee()
         tail = _Tail.of(self.net, self.data, self.box, self.horizon)
         least = _replay(self.net, self.data, tail, self.box, self.tree)
-        inside = np.all((self.box.lo <= self.x0) & (self.x0 <= self.box.hi))
+        inside = at_least(self.x0, self.box.lo) and at_least(self.box.hi, self.x0)
         closed = self.upper_bound - self.lower_bound <= self.tolerance * self.upper_bound
         return agreed(
             (self.lower_bound <= least, "the lower bound does not follow from the leaves"),
-            (bool(inside), "the attained state is outside the box"),
+            (inside, "the attained state is outside the box"),
             (_attained(self.net, self.data, self.x0) <= self.upper_bound, "the upper bound"),
             (closed == (self.status is Status.PROVED), "the status does not follow"),
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from identification_cases import laboratory_two_second
@@ -110,3 +112,18 @@ def test_wrong_input_is_refused() -> None:
         setid.select(data, setid.TransferFunction, noise, [])
     with pytest.raises(setid.ModelError, match="family: found int"):
         setid.select(data, 3, noise, [1])
+
+
+def test_an_interrupt_ends_the_selection(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
+
+    def interrupt(*given: object) -> None:
+        calls.append(given)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules["setid.identify"], "find_box", interrupt)
+    u = np.random.default_rng(4).uniform(-1, 1, 12)
+    data = setid.IOData(u, np.append(0.0, u[:-1]))
+    found = setid.select(data, setid.TransferFunction, setid.Noise(output=0.1), [1, 2, 3])
+    assert len(calls) == len(found.steps) == 1 and found.steps[0].result.interrupted
+    assert found.chosen is None

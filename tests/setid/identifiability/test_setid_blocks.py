@@ -427,6 +427,18 @@ class TestBands:
             assert np.all((band.sampled_low <= value + 1e-9)[known])
             assert np.all((value - 1e-9 <= band.sampled_high)[known])
 
+    def test_of_a_map_with_a_negative_coefficient(self) -> None:
+        """Readings say nothing here: w = u + gamma2 u^2 for each gamma2 from -1 to 0."""
+        rng = np.random.default_rng(2)
+        data = setid.IOData(rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12))
+        model = setid.Hammerstein(setid.TransferFunction(0, 1, 1), 2, normalise="gamma1")
+        noise, given = setid.Noise(output=100.0, input=0.2), {"b1": (0, 3), "gamma2": (-1, 0)}
+        band = setid.signal_band(setid.identify(data, model, noise, setid.Box(given), QUICK), "w")
+        for gamma in (-1.0, -0.5, 0.0):
+            for u in data.u[:, 0] + np.array([[-0.2], [0.0], [0.2]]):
+                w = u + gamma * u**2
+                assert np.all((band.low <= w) & (w <= band.high))
+
     def test_of_coefficients_that_cancel(self) -> None:
         """1e9 u^3 - 1e7 u^5 + b u: near u = 10 doubles are 1e-4 off, and the band is narrower."""
         model = setid.BlockStructured(
@@ -446,6 +458,39 @@ class TestBands:
         band = setid.static_band(result, x=x)
         for low, high, v in zip(band.low.tolist(), band.high.tolist(), x.tolist(), strict=True):
             assert all(low <= exact(v, gain) <= high for gain in gains)
+
+    def test_of_many_fixed_coefficients(self) -> None:
+        """2^30 + 12 (.49 2^-22) - 2^30 at u = 0: a sum of doubles loses each small number."""
+        small = 0.49 * 2.0**-22
+        fixed = [2.0**30, *[small] * 12, -(2.0**30)]
+        functions = [lambda u, k=k: np.cos((k + 1) * u) for k in range(len(fixed))]
+        model = setid.BlockStructured(
+            {("y1", "w"): setid.TransferFunction(0, 1, 0)},
+            {"w": StaticMap("u1", [*functions, (1,)])},
+            normalise={f"gamma{k + 1}": value for k, value in enumerate(fixed)} | {"b0": 1.0},
+        )
+        data = setid.IOData([0.0, 1.0, -1.0], [0.0, 5.0, -5.0])
+        result = setid.identify(
+            data, model, setid.Noise(output=1e12), setid.Box({"gamma15": (0, 1)})
+        )
+        band = setid.static_band(result, x=[0.0])
+        exact = Fraction(small) * 12
+        assert band.low[0] <= exact <= band.high[0]
+
+    @pytest.mark.parametrize(("x", "value"), [((1e-170, 1e170), 1.0), ((0.0, 1e170), 0.0)])
+    def test_of_products_that_underflow(self, x: tuple[float, float], value: float) -> None:
+        """(u1 u2)^2 + gamma u1: the first square is below all doubles."""
+        model = setid.BlockStructured(
+            {("y1", "w"): setid.TransferFunction(0, 1, 0)},
+            {"w": StaticMap(["u1", "u2"], [(2, 2), (1, 0)])},
+            inputs=2,
+            normalise={"gamma1": 1.0, "b0": 1.0},
+        )
+        u = np.array([[1.0, 0.5], [0.3, -1.0], [-0.6, 0.2]])
+        data = setid.IOData(u, (u[:, 0] * u[:, 1]) ** 2 + u[:, 0])
+        result = setid.identify(data, model, setid.Noise(output=0.1), options=QUICK)
+        band = setid.static_band(result, x=[x])
+        assert band.low[0] <= value <= band.high[0]
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_stored_boxes_without_ends_are_refused() -> None:
     for place, item in enumerate(text["result"]["intervals"]):
         outer = [float(box.lower[place]), float(box.upper[place])]
         item |= {"outer": outer, "inner": None, "status": "PARTIAL", "witnesses": [None, None]}
-    with pytest.raises(setid.SetidError, match="box"):
+    with pytest.raises(setid.SetidError, match="the box does not follow"):
         setid.Identification.from_json(json.dumps(text))
 
 
