@@ -3,7 +3,8 @@
 Best first: the cone that reaches farthest beyond the ends that consistent parameters attain is
 refuted, or parted at its longest edge. Where the denominators of all cones that are left lie near
 those ends, so do, by programs of their own, the gains on each cone. First all ends are brought
-near, then as near as is asked.
+near, then as near as is asked; of orders from 3 on without a prior only the gains, since the engine
+closes denominators sooner within a box that is near.
 """
 
 from __future__ import annotations

@@ -46,6 +46,20 @@ def test_tolerances_are_kept() -> None:
     assert len(ends[0].trees[0].cells) < len(ends[1].trees[0].cells)
 
 
+def test_denominators_are_left_to_the_engine_where_it_is_faster(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Gains come as near as is asked, denominators within the distance that is left."""
+    known = planted()
+    whole = found_box(known, 0.6)
+    monkeypatch.setattr(feasible_box, "_is_fast", lambda rows: False)
+    monkeypatch.setattr(feasible_box, "_OWN", 2.0)
+    box = found_box(known, 0.6)
+    beyond = np.maximum(NEAR[0] - box.lower, box.upper - NEAR[1]) / 0.04
+    assert box.complete and np.all(beyond <= [2.0, 2.0, 0.6, 0.6])
+    assert len(box.trees[0].cells) < len(whole.trees[0].cells)
+
+
 def test_targets_spare_what_turns_out_to_be_consistent() -> None:
     """Attained ends of denominators that are too near the truth move on."""
     known, width = planted(), 1e-3
