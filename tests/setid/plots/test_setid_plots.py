@@ -93,6 +93,7 @@ def test_names_and_units_are_no_mathematics() -> None:
     assert f">{output}<" in shown(setid.fit(data, setid.TransferFunction(1, 1)).plot())
 
 
+@pytest.mark.slow
 def test_a_report_holds_pictures_of_channels_with_dollars(tmp_path) -> None:
     names = {"output_names": r"$\foo$", "input_names": "$$"}
     data = setid.IOData([4, -3, 2, 1, 2, -1], [0, -6.25, 1.175, 2.0875, 3, 1], **names)
