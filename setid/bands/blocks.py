@@ -46,6 +46,7 @@ __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
 _EXPONENT = 900  # of products that are normal doubles
+_TINY = 1e-300
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 
 
@@ -279,8 +280,10 @@ def _monomial(
     used, most = np.array(powers) > 0, 2.0 ** (_EXPONENT / max(sum(powers), 1))
     size = np.abs(points) + reach
     far, near = item.value(m, *size.T), item.value(m, *np.abs(points).T)
-    held = (size == 0.0) | ((size >= 1.0 / most) & (size <= most))  # no product leaves the doubles
-    return far, np.where(np.all(held[:, used], axis=1), far - near, inf)
+    size = size[:, used]
+    normal = np.all((size == 0.0) | ((size >= 1.0 / most) & (size <= most)), axis=1)
+    apart = far - near + np.where(normal, 0.0, _TINY)  # below 1 underflow loses no more than that
+    return far, np.where(normal | np.all(size <= 1.0, axis=1), apart, inf)
 
 
 def _proved(

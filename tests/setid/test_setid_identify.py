@@ -408,6 +408,9 @@ def test_an_interrupt_at_any_stage_returns_a_result(
 
     module = sys.modules["setid.identify"]
     monkeypatch.setattr(module.sp if stage == "linear_bounds" else module, stage, interrupt)
+    if stage == "find_box":
+        for later in ("cascade_ends", "linear_ends", "first_point"):  # none begins after it
+            monkeypatch.setattr(module, later, lambda *given: pytest.fail("a stage began"))
     result = setid.identify(LONG.data, setid.TransferFunction(1, 1, 1), noise, options=QUICK)
     assert bool(result.verify()) and not result.empty
     assert all(v in result.intervals[n] for n, v in zip(("a1", "b1"), (-0.5, 2.0), strict=True))

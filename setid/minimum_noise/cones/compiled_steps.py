@@ -75,7 +75,7 @@ def advanced(at, step, primal, dual, multipliers, fixed):
 
 
 def _padded(width: int) -> int:
-    """Fill whole vectors."""
+    """Round a width up to whole vectors of the processor."""
     return (width + LANES - 1) // LANES * LANES
 
 

@@ -458,6 +458,12 @@ class TestBands:
         band = setid.static_band(result, x=x)
         for low, high, v in zip(band.low.tolist(), band.high.tolist(), x.tolist(), strict=True):
             assert all(low <= exact(v, gain) <= high for gain in gains)
+        near = setid.static_band(result, x=[1e-200, -1e-17, 0.0])  # fifth powers underflow
+        assert np.all(np.abs([near.low, near.high]) < 1e-15)
+        for low, high, v in zip(
+            near.low.tolist(), near.high.tolist(), near.x[:, 0].tolist(), strict=True
+        ):
+            assert all(low <= exact(v, gain) <= high for gain in gains)
 
     def test_of_many_fixed_coefficients(self) -> None:
         """2^30 + 12 (.49 2^-22) - 2^30 at u = 0: a sum of doubles loses each small number."""

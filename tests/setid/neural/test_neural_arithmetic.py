@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from setid.neural import arithmetic
-from setid.neural.arithmetic import Interval
+from setid.neural.arithmetic import Interval, nowhere_above
 
 SMOOTH = {
     "tanh": mpmath.tanh,
@@ -98,3 +98,11 @@ def test_linear_enclosures_close_faster_than_the_interval() -> None:
         _, _, radius = arithmetic.linearise("tanh", x)
         curvature = 2 * np.tanh(1.0) * (1 - np.tanh(1.0) ** 2)
         assert radius[0] == pytest.approx(curvature * width**2 / 4, rel=0.15)
+
+
+def test_bands_are_compared_sample_by_sample_where_they_claim_something() -> None:
+    one = np.array([1.0, np.nan])
+    assert nowhere_above(one, one) and nowhere_above(one, np.array([1.5, 0.0]))
+    assert not nowhere_above(one, np.array([0.5, 0.0]))
+    for other in (np.zeros(0), np.full(1, 9.0), np.full((2, 1), 9.0)):
+        assert not nowhere_above(one, other) and not nowhere_above(other - 99.0, one)

@@ -66,6 +66,8 @@ def test_forged_equation_errors_are_found() -> None:
     assert not replace(found, lower_bound=found.lower_bound + 1e-9).verify()
     assert not replace(found, upper_bound=found.upper_bound - 1e-9).verify()
     assert not replace(found, low=found.low + 1e-9).verify()
+    assert not replace(found, low=np.zeros(0), high=np.zeros(0)).verify()
+    assert not replace(found, lower_bound=np.zeros(0)).verify()
     assert not replace(found, data=setid.IOData(data.u, data.y + 0.1)).verify()
 
 
