@@ -1,20 +1,13 @@
 """Bands of static maps and of internal signals of block structures, proved and sampled.
 
-A map N(x) = sum_m gamma_m phi_m(x) is linear in its coefficients at each x: its range over
-the feasible set is that of a linear function over the cover of the parameters, and the
-engine narrows it where asked to. Internal signals that are no unknowns are maps of measured
-inputs u = u~ - xi, abs(xi) <= w. A monomial then differs from its value at the readings by at most
-
-    prod_i (abs(u~_i) + w_i)^p_i  -  prod_i abs(u~_i)^p_i,
-
-and the map by the sum of these, each times the largest size of its coefficient. Other internal
-signals have the bounds of their unknowns.
+Linear programs over the cover of the parameters propose what ``proofs/block_bands.py`` proves of
+a map, and the engine tightens it where asked to. Internal signals that are no unknowns are maps of
+measured inputs. The others have the bounds of their unknowns, and what simulation leaves of these.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,12 +23,8 @@ from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
-from setid.proofs.cells.output_cells import cell_box
+from setid.proofs.block_bands import map_deviation, map_ends, map_slopes, simulated_ends
 from setid.proofs.existence import proved_point
-from setid.proofs.parameter_box import start_of
-from setid.proofs.simulated.forms import Region
-from setid.proofs.simulated.outputs import recursion_of
-from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,10 +33,6 @@ if TYPE_CHECKING:
 __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
 Reals = NDArray[np.float64]
-_EPS = float(np.finfo(float).eps)
-_EXPONENT = 900  # of products that are normal doubles
-_TINY = 1e-300
-_MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,15 +163,14 @@ def static_band(
         raise SetidError(f"seconds: found {seconds}, expected at least 0")
     model, target, item = _map_of(result, name)
     points = _arguments(result, item, x)
-    slopes, constant = _directions(model, target, item, points)
+    slopes, constant = map_slopes(model, target, points)
     theta = nominal(result)
     middle = slopes @ theta + constant
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "sampled":
         values = members(result) @ slopes.T + constant
         low, high = values.min(axis=0), values.max(axis=0)
     else:
-        off = _deviation(result, target, points, np.zeros_like(points))
-        low, high = _proved(result, cover_of(result), (slopes, constant), off, seconds)
+        low, high = _proved(result, target, points, np.zeros_like(points), seconds)
     low, high = frozen(np.asarray(low, np.float64)), frozen(np.asarray(high, np.float64))
     arguments = item.arguments
     return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
@@ -233,72 +217,19 @@ def _readings(result: FeasibleSet, signal: str) -> tuple[float, float]:
     return float(np.nanmin(values)), float(np.nanmax(values))
 
 
-def _directions(
-    model: BlockStructured, target: str, item: StaticMap, points: Reals
-) -> tuple[Reals, Reals]:
-    """The map as slopes (K, p) times theta plus a constant (K,)."""
-    fixed, place = dict(model.fixed), {name: i for i, name in enumerate(model.parameters)}
-    slopes, constant = np.zeros((len(points), len(place))), np.zeros(len(points))
-    for m, weight in enumerate(model.wiring.weights(target)):
-        values = item.value(m, *points.T)
-        if weight in fixed:
-            constant = constant + fixed[weight] * values
-        else:
-            slopes[:, place[weight]] = values
-    return slopes, constant
-
-
-def _deviation(result: FeasibleSet, target: str, points: Reals, reach: Reals) -> Reals:
-    """Distance of a map from its computed values (K,), by rounding and errors in arguments.
-
-    Functions that are given are taken as they are; they need arguments without errors.
-    """
-    model, _, item = _map_of(result, target)
-    low, high = result.outer_box
-    largest = dict(zip(result.formulation.parameters, np.maximum(-low, high), strict=True))
-    largest |= {name: abs(value) for name, value in model.fixed}
-    off, weights = np.zeros(len(points)), model.wiring.weights(target)
-    for m, weight in enumerate(weights):
-        powers = item.basis[m]
-        with np.errstate(all="ignore"):
-            if callable(powers):
-                far, rounding = np.abs(item.value(m, *points.T)), 0
-                apart = np.where(np.any(reach > 0, axis=1), inf, 0.0)
-            else:
-                far, apart = _monomial(item, m, powers, points, reach)
-                rounding = 2 * sum(powers)
-            apart += (rounding + len(weights) + 4) * _EPS * far
-        found = ~(apart == 0.0)
-        off[found] += largest[weight] * apart[found]
-    return np.where(np.isnan(off), inf, off) * _MORE
-
-
-def _monomial(
-    item: StaticMap, m: int, powers: tuple[int, ...], points: Reals, reach: Reals
-) -> tuple[Reals, Reals]:
-    """The largest size of a monomial (K,), and how far it may be from that at the points."""
-    used, most = np.array(powers) > 0, 2.0 ** (_EXPONENT / max(sum(powers), 1))
-    size = np.abs(points) + reach
-    far, near = item.value(m, *size.T), item.value(m, *np.abs(points).T)
-    size = size[:, used]
-    normal = np.all((size == 0.0) | ((size >= 1.0 / most) & (size <= most)), axis=1)
-    apart = far - near + np.where(normal, 0.0, _TINY)  # below 1 underflow loses no more than that
-    return far, np.where(normal | np.all(size <= 1.0, axis=1), apart, inf)
-
-
 def _proved(
-    result: FeasibleSet, cover: Cover, values: tuple[Reals, Reals], off: Reals, seconds: float
+    result: FeasibleSet, target: str, points: Reals, reach: Reals, seconds: float = 0.0
 ) -> tuple[Reals, Reals]:
-    """Bound slopes times theta plus a constant, which may be ``off`` (K,) from the map."""
-    slopes, constant = values
-    ends = supports(cover, slopes)
+    """Bound a map at arguments (K, arguments) with errors up to ``reach``; ends (K,)."""
+    model, _, _ = _map_of(result, target)
+    slopes, constant = map_slopes(model, target, points)
+    ends = supports(cover_of(result), slopes)
     if seconds > 0 and np.all(np.isfinite(ends)):
-        ends = _narrowed(result, slopes, ends, seconds)
-    size = off + 8 * _EPS * (np.abs(ends).max(axis=1) + np.abs(constant))
-    return ends[:, 0] + constant - size, ends[:, 1] + constant + size
+        ends = _tightened(result, slopes, ends, seconds)
+    return map_ends(ends, constant, map_deviation(model, target, points, reach, result.outer_box))
 
 
-def _narrowed(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) -> Reals:
+def _tightened(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) -> Reals:
     """Ends that the engine proves on the problem itself."""
     layout = result.formulation.layout
     theta = [layout.polynomial(i) for i in layout.group("theta").tolist()]
@@ -360,9 +291,7 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     rows = np.flatnonzero(~np.any(np.isnan(data.u[:, channels]), axis=1))
     points = data.u[np.ix_(rows, channels)]
     reach = result.formulation.noise.bounds(data)[1][np.ix_(rows, channels)]
-    off = _deviation(result, name, points, reach)
-    values = _directions(model, name, item, points)
-    proved = _proved(result, cover_of(result), values, off, 0.0)
+    proved = _proved(result, name, points, reach)
     parts = (*proved, *_attained(result, name, rows, channels))
     return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
 
@@ -371,17 +300,17 @@ def _attained(
     result: FeasibleSet, name: str, rows: NDArray[np.int64], channels: NDArray[np.int64]
 ) -> tuple[Reals, Reals]:
     """Ends (K,) of a map of inputs over systems that are known; NaN where none is."""
-    model, target, item = _map_of(result, name)
+    model, target, _ = _map_of(result, name)
     data, layout = result.formulation.data, result.formulation.layout
     theta, xi = layout.group("theta"), layout.group("xi")[np.ix_(rows, channels)]
     readings, values = data.u[np.ix_(rows, channels)], list[Reals]()
     seen = [np.asarray(w, float) for w in result.witnesses]
     if seen and not np.any(xi >= 0):  # mixtures of them are consistent, too
-        slopes, constant = _directions(model, target, item, readings)
+        slopes, constant = map_slopes(model, target, readings)
         values = list(members(result) @ slopes.T + constant)
     for x in seen if not values else ():
         errors = np.where(xi >= 0, x[np.maximum(xi, 0)], 0.0)
-        slopes, constant = _directions(model, target, item, readings - errors)
+        slopes, constant = map_slopes(model, target, readings - errors)
         values.append(slopes @ x[theta] + constant)
     found = np.array(values) if values else np.full((1, rows.size), np.nan)
     return found.min(axis=0), found.max(axis=0)
@@ -393,29 +322,11 @@ def _spread(values: Reals, rows: NDArray[np.int64], samples: int) -> Reals:
     return frozen(full)
 
 
-def _simulated_range(result: FeasibleSet, name: str) -> tuple[Reals, Reals] | None:
-    """Ends (N,) of a signal over the outer box, by simulation; None for what is no recursion."""
-    formulation, box = result.formulation, result.outer_box
-    parts = recursion_of(formulation)
-    if parts is None:
-        cells = cell_box(formulation, start_of(formulation))
-        parts = None if cells is None else recursion_of(formulation, cells)
-    if parts is None or not np.all(np.isfinite(box)):
-        return None
-    lower, upper = parts.box(*box)
-    region = Region(lower, upper, np.zeros((0, lower.size)), np.zeros(0), np.zeros(0))
-    form = parts.run(region)[name]
-    with np.errstate(over="ignore", invalid="ignore"):
-        off = (region.reach(form.slope) + form.rest) * _MORE + 1e-15 * np.abs(form.value)
-        low, high = form.value - off, form.value + off
-    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
-
-
 def _unknown_band(result: FeasibleSet, name: str, numbers: NDArray[np.int64]) -> SignalBand:
     rows, samples = np.flatnonzero(numbers >= 0), numbers.size
     chosen = numbers[rows]
     low, high = result.problem.lower[chosen], result.problem.upper[chosen]
-    over = _simulated_range(result, name)
+    over = simulated_ends(result.formulation, name, result.outer_box)
     if over is not None:
         low, high = np.maximum(low, over[0][rows]), np.minimum(high, over[1][rows])
     seen = result.witnesses

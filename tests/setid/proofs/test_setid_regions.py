@@ -10,8 +10,9 @@ import mpmath
 import numpy as np
 
 import setid
-from setid.bands.blocks import _proved
 from setid.feasible_set.proposer import Proposer
+from setid.feasible_set.supports import supports
+from setid.proofs.block_bands import map_ends
 from setid.proofs.frequency.regions import _rectangles, rounding_of
 from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_weights
@@ -61,7 +62,7 @@ def test_allowances_hold_the_rounding_of_angles_of_large_lags() -> None:
 
 def test_static_bands_hold_the_rounding_of_their_constants() -> None:
     slopes, constant = RNG.normal(size=(100, 2)), 1e3 * RNG.normal(size=100)
-    found: Any = _proved(None, unit_box(2), (slopes, constant), np.zeros(100), 0.0)  # type: ignore[arg-type]
+    found = map_ends(supports(unit_box(2), slopes), constant, np.zeros(100))
     for k, (low, high) in enumerate(zip(*found, strict=True)):
         values = at_corners(float(constant[k]), slopes[k])
         assert Fraction(float(low)) <= min(values) and max(values) <= Fraction(float(high))
