@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import setid
+from setid.proofs.block_bands import simulated_ends
 from setid.proofs.cells.arithmetic import Enclosed, fitted, rows_of
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
@@ -32,18 +33,23 @@ def cascade(normalise=NORMS, initial: str = "zero") -> setid.BlockStructured:
     return setid.BlockStructured(blocks, maps, normalise=normalise, initial=initial)
 
 
-def exact_outputs(theta, u) -> list[Fraction]:
-    """y of the cascade in rationals, written down from its equations."""
+def exact_signals(theta, u) -> dict[str, list[Fraction]]:
+    """Signals of the cascade in rationals, written down from its equations."""
     a, c, b, gamma = (Fraction(float(v)) for v in theta)
     z = w = y = Fraction(0)
-    found = []
+    found: dict[str, list[Fraction]] = {"z": [], "w": [], "y1": []}
     for k in range(len(u)):
         before = w
         z = -a * z + (Fraction(float(u[k - 1])) if k else 0)
         w = z + gamma * z * z
         y = -c * y + b * before
-        found.append(y)
+        for name, value in zip(found, (z, w, y), strict=True):
+            found[name].append(value)
     return found
+
+
+def exact_outputs(theta, u) -> list[Fraction]:
+    return exact_signals(theta, u)["y1"]
 
 
 def record(samples: int = 30, noise: float = 0.01, seed: int = 1, theta=TRUTH) -> setid.IOData:
@@ -89,6 +95,22 @@ def test_exact_outputs_lie_within_the_forms(radius: float) -> None:
     assert (
         np.max(form.rest) < 1e-12 if radius == 0.0 else np.max(form.rest) < 40 * radius**2 + 1e-13
     )
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-9, 1e-3, 0.05])
+@pytest.mark.parametrize("name", ["z", "w"])
+def test_ends_of_internal_signals_hold_exact_values(name: str, radius: float) -> None:
+    data, region = record(20), region_of(TRUTH, radius)
+    low, high = simulated_ends(formulated(data), name, (region.lower, region.upper))
+    corners = [*itertools.product(*zip(region.lower, region.upper, strict=True)), TRUTH]
+    values = [exact_signals(theta, data.u[:, 0])[name] for theta in corners]
+    for k, exact in enumerate(zip(*values, strict=True)):
+        assert Fraction(low[k]) <= min(exact) and max(exact) <= Fraction(high[k])
+        assert high[k] - low[k] <= 2.0 * float(max(exact) - min(exact)) + 1e-13
+
+
+def test_signals_without_a_bounded_box_have_no_simulated_ends() -> None:
+    assert simulated_ends(formulated(record(20)), "z", (np.full(4, -np.inf), np.ones(4))) is None
 
 
 def test_thin_regions_have_smaller_rests() -> None:
