@@ -89,7 +89,7 @@ class Fit:
         predictions.
     error : float
         The error of ``theta``, attained: a point with at most this error provably exists where
-        ``attained`` says so.
+        ``attained`` says so. Where equations with missing samples are left out it is not proved.
     attained : bool
     lower_bound : float
         Proved: no parameters have a smaller error.

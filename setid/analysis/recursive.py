@@ -110,7 +110,9 @@ class Recursive:
         out, the larger of 60 and 4 p^2.
     window : int, optional
         Forget older samples than this many: what is claimed then holds for parameters that are
-        consistent with the last ``window`` samples. All samples count when left out.
+        consistent with the equations of the last ``window`` samples, which reach back to
+        readings before these. All samples count when left out. Where outputs have equations of
+        several lags, more than the difference of these.
     Ts : float
         Sampling time.
     executor : concurrent.futures.Executor, optional
@@ -131,8 +133,8 @@ class Recursive:
     For equation errors with linear priors the set is a polytope, bounded by exact linear programs
     over the rows that were retained. As long as ``complete`` no sample was left out, and the
     attained ends are proved too. As long as ``exact`` rows that were left out were found redundant,
-    in floating-point arithmetic with a margin, so that the box is that of the whole set. For noisy
-    sensors the box is what the uncertain rows prove one by one.
+    in floating-point arithmetic with a margin, and no reading was missing, so that the box is that
+    of the whole set. For noisy sensors the box is what the uncertain rows prove one by one.
 
     References
     ----------
@@ -171,12 +173,15 @@ class Recursive:
         least = 4 * len(self.model.parameters) ** 2
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
-        self.window = None if window is None else natural(window, "window", SetidError, least=1)
         self.Ts = number(Ts, "Ts", DataError)
         if not 0 < self.Ts < inf:
             raise DataError(f"Ts: found {Ts!r}, expected a positive number")
         self._executor = executor
-        self._lag = max(equation.lag for equation in self.model.regression())
+        lags = [equation.lag for equation in self.model.regression()]
+        self._lag, self._early = max(lags), max(lags) - min(lags)
+        # equations of a shorter lag have rows at samples before the one that is kept
+        least = 1 + self._early
+        self.window = None if window is None else natural(window, "window", SetidError, least=least)
         self.restart()
 
     # ---- state --------------------------------------------------------------------------
@@ -290,7 +295,7 @@ class Recursive:
             k, np.array([pair[0] for pair in self._recent]), np.array([p[1] for p in self._recent])
         )
         if np.any(np.isnan(new.u)) or np.any(np.isnan(new.y)):
-            self.complete = False
+            self.exact = self.complete = False
             return lost and self._bound(k)
         room = self.complete and len(self._kept) < self.limit
         cuts = lost or room or self._cuts(new)
@@ -306,7 +311,10 @@ class Recursive:
         """Drop samples that are older than the window; tell whether a claim rested on them."""
         if self.window is None:
             return False
-        old = {kept.sample for kept in self._kept if kept.sample <= k - self.window}
+        first = k - self.window + 1  # no row of an earlier sample counts
+        old = {kept.sample for kept in self._kept if kept.sample - self._early < first}
+        if any(sample >= first for sample in old):
+            self.exact = self.complete = False
         self._kept = [kept for kept in self._kept if kept.sample not in old]
         before = len(self._claims)
         self._claims = [(claim, used) for claim, used in self._claims if not used & old]

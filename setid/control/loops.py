@@ -21,6 +21,7 @@ __all__ = ["LoopMargins", "LoopStep", "loop_margins", "loop_step"]
 
 Reals = NDArray[np.float64]
 _EPS = 2.0**-52
+_MOST = 5000  # samples of a step response: matrices grow with their square
 _ROOM = 1.0 + 1e-9  # so that bounds that are proved again elsewhere stay within
 
 
@@ -165,7 +166,7 @@ def loop_step(certificate: StabilityCertificate, samples: int = 50) -> LoopStep:
     LoopStep
     """
     found, _, second, whole = _families(certificate)
-    count = natural(samples, "samples", SetidError, 1)
+    count = natural(samples, "samples", SetidError, 1, _MOST)
     theta = found.centre
     c0, n0 = whole.at(theta), second.at(theta)
     r = np.ones(count)

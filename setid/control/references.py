@@ -28,6 +28,8 @@ Reals = NDArray[np.float64]
 _RISE = log(9.0)  # 10 % to 90 % of a first-order response, in time constants
 _SETTLED = 0.02  # of the final value
 _NEARLY_ONE = 1e-9  # of a static gain
+_MOST = 10**6  # samples of a response or a delay
+_SHORTEST = 1e-200  # time, in units of time
 _HORIZON = 60.0  # of normalised time within which damped responses are looked at
 
 
@@ -181,7 +183,7 @@ def check_matching(P: Any, K: Any, M: Any, samples: int = 100) -> Matching:
     >>> found.stable, round(found.gain_error, 9), round(found.fit, 6)
     (True, 0.0, 100.0)
     """
-    natural(samples, "samples", SetidError, 1)
+    natural(samples, "samples", SetidError, 1, _MOST)
     plant = as_transfer(P, None, "P")
     controller, reference = as_transfer(K, plant.Ts, "K"), as_transfer(M, plant.Ts, "M")
     loop = closed_loop(controller, plant)
@@ -283,13 +285,11 @@ def reference_model(
     >>> round(float(response.max()), 2), M.static_gain == 1
     (1.05, True)
     """
-    limits = {"rise": rise, "settling": settling}
     if rise is None and settling is None:
         raise ModelError("rise, settling: found neither, expected at least one of them")
-    for field, value in limits.items():
-        if value is not None and not 0 < number(value, field, ModelError) < float("inf"):
-            raise ModelError(f"{field}: found {value!r}, expected a positive time")
-    if not 0.0 < number(Ts, "Ts", ModelError) < float("inf"):
+    rise, settling = _time(rise, "rise"), _time(settling, "settling")
+    Ts = number(Ts, "Ts", ModelError)
+    if not 0.0 < Ts < float("inf"):
         raise ModelError(f"Ts: found {Ts!r}, expected a positive number")
     share = number(overshoot, "overshoot", ModelError)
     if not 0.0 <= share < 1.0:
@@ -303,6 +303,16 @@ def reference_model(
         speeds = [times[0] / rise if rise else 0.0, times[1] / settling if settling else 0.0]
         found = second_order(max(speeds), damping, Ts)
     return with_zeros(found, delay, zeros)
+
+
+def _time(given: float | None, field: str) -> float | None:
+    """A positive time whose reciprocal is a double, None where none is given."""
+    if given is None:
+        return None
+    value = number(given, field, ModelError)
+    if not _SHORTEST <= value < float("inf"):
+        raise ModelError(f"{field}: found {given!r}, expected a positive time")
+    return value
 
 
 def first_order(pole: float, Ts: float) -> Transfer:
@@ -368,5 +378,5 @@ def with_zeros(M: Transfer, delay: int, zeros: ArrayLike) -> Transfer:
     gain = sum(factor)
     if gain == 0:
         raise ModelError("zeros: found z = 1, expected others: the static gain would be 0")
-    shift = [Fraction(0)] * natural(delay, "delay", ModelError)
+    shift = [Fraction(0)] * natural(delay, "delay", ModelError, 0, _MOST)
     return M * Transfer([*shift, *(c / gain for c in factor)], [1], M.Ts)

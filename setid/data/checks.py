@@ -140,11 +140,15 @@ def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> li
         raise error(f"{field}: found {type(given).__name__}, expected {what}") from None
 
 
-def natural(given: Any, field: str, error: type[SetidError], least: int = 0) -> int:
-    """An integer of at least ``least``; booleans and fractions raise."""
+def natural(
+    given: Any, field: str, error: type[SetidError], least: int = 0, most: int | None = None
+) -> int:
+    """An integer of at least ``least``, at most ``most``; booleans and fractions raise."""
     whole = isinstance(given, numbers.Integral) and not isinstance(given, (bool, np.bool_))
     if not whole or int(given) < least:
         raise error(f"{field}: found {given!r}, expected an integer >= {least}")
+    if most is not None and int(given) > most:
+        raise error(f"{field}: found a number above {most}, expected at most that")
     return int(given)
 
 

@@ -270,8 +270,10 @@ def stability_certificate(
     if not isinstance(data, IOData):
         raise SetidError(f"data: found {type(data).__name__}, expected IOData")
     word(method, "method", ("small_gain", "characteristic"), SetidError)
-    if margin is not None and not 0.0 < number(margin, "margin", SetidError) < 1.0:
-        raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")
+    if margin is not None:
+        margin = number(margin, "margin", SetidError)
+        if not 0.0 < margin < 1.0:
+            raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")
     noise = _output_noise(noise)
     model = plant_model(plant_order, delay)
     controller, reference, moved = _known(K, M, data.Ts, snap)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
-from setid.data.checks import natural, number
+from setid.data.checks import natural, number, real_array, switch
 from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
@@ -33,6 +33,7 @@ from setid.neural.status import Status, agreed
 __all__ = ["Condition", "Stability", "stability"]
 
 Reals = NDArray[np.float64]
+_MOST = 10**6  # steps of a distance
 Model = Elman | NeuralStateSpace | LSTM | GRU | RegressorNetwork
 
 
@@ -115,6 +116,16 @@ class Stability:
         """Proved decay rate of differences, below 1; infinite where nothing is proved."""
         return self.best.rate if self.status is Status.STABLE else np.inf
 
+    def _chosen(self, condition: Condition | None) -> Condition:
+        """One that holds, the best where none is given: of others no bound is for all time."""
+        if condition is None:
+            return self.best
+        if not isinstance(condition, Condition) or not condition.holds:
+            raise ModelError(
+                f"condition: found {condition!r:.60}, expected one of `conditions` that holds"
+            )
+        return condition
+
     def distance(
         self, steps: int, initial: float, inputs: float = 0.0, errors: float = 0.0,
         condition: Condition | None = None,
@@ -142,8 +153,8 @@ class Stability:
             In the same norm, of the largest block. It never exceeds :meth:`limit` plus the first
             value, for all time.
         """
-        found = self.best if condition is None else condition
-        count = natural(steps, "steps", ModelError)
+        found = self._chosen(condition)
+        count = natural(steps, "steps", ModelError, 0, _MOST)
         reach, drive, show = _scales(found, inputs, errors)
         value = up(reach * _size(initial, "initial"))
         values = [value]
@@ -162,7 +173,7 @@ class Stability:
         inputs, errors, condition
             As for :meth:`distance`.
         """
-        found = self.best if condition is None else condition
+        found = self._chosen(condition)
         _, drive, show = _scales(found, inputs, errors)
         return float(up(show * up(drive / down(1.0 - found.rate))))
 
@@ -242,9 +253,10 @@ def stability(net: Model, inputs: ArrayLike | IOData | None = None, lmi: bool = 
     require_ieee()
     if not isinstance(net, (Elman, NeuralStateSpace, LSTM, GRU, RegressorNetwork)):
         raise ModelError(f"net: found {type(net).__name__}, expected a model of setid.neural")
+    tries = switch(lmi, "lmi", ModelError)
     box = _range(net, inputs)
     found = [_condition(item) for item in comparisons(net, box)]
-    if lmi and not isinstance(net, (LSTM, GRU)):
+    if tries and not isinstance(net, (LSTM, GRU)):
         found.append(_by_lmi(net))
     status = Status.STABLE if any(item.holds for item in found) else Status.OPEN
     return Stability(net, box, status, tuple(found), _assumptions(net, box))
@@ -255,7 +267,7 @@ def _range(net: Model, inputs: Any) -> Interval | None:
         return None
     if isinstance(inputs, IOData):
         inputs = np.column_stack([np.nanmin(inputs.u, axis=0), np.nanmax(inputs.u, axis=0)])
-    values = np.array([[-1.0, 1.0]] if inputs is None else inputs, dtype=float)
+    values = real_array([[-1.0, 1.0]] if inputs is None else inputs, "inputs", ModelError)
     try:
         values = np.broadcast_to(values, (net.channels, 2)).copy()
     except ValueError:

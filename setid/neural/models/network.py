@@ -171,7 +171,10 @@ class Network:
         return np.asarray(value, float)
 
     def _checked(self, x: ArrayLike) -> Reals:
-        value = np.asarray(x, float)
+        try:
+            value = np.asarray(x, float)
+        except (TypeError, ValueError, OverflowError):
+            raise ModelError(f"x: found {type(x).__name__}, expected real numbers") from None
         if value.shape[-1:] != (self.inputs,):
             raise ModelError(f"x: found shape {value.shape}, expected (..., {self.inputs})")
         return value

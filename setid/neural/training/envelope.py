@@ -20,6 +20,8 @@ __all__ = ["Envelope", "envelope"]
 
 Reals = NDArray[np.float64]
 _SMOOTH = ("tanh", "sigmoid", "algebraic")
+_MOST = 10**6  # pieces, and cells of each
+_HIGHEST = 100  # degree
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -103,11 +105,11 @@ def envelope(
     (True, True)
     """
     word(name, "name", _SMOOTH, ModelError)
-    natural(pieces, "pieces", ModelError, least=1)
-    natural(degree, "degree", ModelError)
-    natural(cells, "cells", ModelError, least=1)
-    ends = number(low, "low", ModelError), number(high, "high", ModelError)
-    if not -np.inf < ends[0] < ends[1] < np.inf:
+    natural(pieces, "pieces", ModelError, 1, _MOST)
+    natural(degree, "degree", ModelError, 1, _HIGHEST)
+    natural(cells, "cells", ModelError, 1, _MOST)
+    low, high = number(low, "low", ModelError), number(high, "high", ModelError)
+    if not -np.inf < low < high < np.inf:
         raise ModelError(f"low, high: found {low!r}, {high!r}, expected finite low < high")
     breaks = np.linspace(low, high, pieces + 1)
     centres = 0.5 * (breaks[:-1] + breaks[1:])

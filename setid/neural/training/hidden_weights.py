@@ -32,7 +32,7 @@ from setid import (
     ParameterInterval,
     Verification,
 )
-from setid.data.checks import FrozenMapping, frozen, number
+from setid.data.checks import FrozenMapping, frozen, number, switch
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
@@ -193,13 +193,14 @@ def hidden_weights(
     (True, True)
     """
     require_ieee()
-    if not normalised:
+    if not switch(normalised, "normalised", ModelError):
         raise ModelError(
             "normalised: found False, expected True: neurons can be exchanged, and v phi(w x + b) "
             "is (v / g) phi(g w x + g b) for every g > 0, so that hidden weights have no intervals "
             "before output weights are +-1 and neurons are ordered"
         )
-    if not 0 < number(weights, "weights", ModelError) < np.inf:
+    weights = number(weights, "weights", ModelError)
+    if not 0 < weights < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     number(time_limit, "time_limit", ModelError)
     bound = _bound(net, data, noise)

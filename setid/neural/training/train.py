@@ -24,6 +24,8 @@ __all__ = ["Trained", "initial", "train"]
 
 Reals = NDArray[np.float64]
 Model = NNARX | NNOE | NeuralStateSpace
+_WIDEST = 10**5  # neurons of a layer
+_MOST_STEPS = 10**9
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -95,8 +97,12 @@ def initial(
     word(activation, "activation", ACTIVATIONS, ModelError)
     natural(order, "order", ModelError, least=1)
     listed = entries_of(widths, "widths", "one size a hidden layer", ModelError)
-    hidden = [natural(size, "widths", ModelError, least=1) for size in listed]
-    phi, row = regressors(data, order)
+    hidden = [natural(size, "widths", ModelError, 1, _WIDEST) for size in listed]
+    if not isinstance(data, IOData):
+        raise DataError(f"data: found {type(data).__name__}, expected IOData")
+    if not any(kind is known for known in (NNARX, NNOE)):
+        raise ModelError(f"kind: found {kind!r:.60}, expected neural.NNARX or neural.NNOE")
+    phi, row = regressors(data, min(order, data.samples))
     if not row.size:
         raise DataError(f"data: found no row with a complete regressor of order {order}")
     rng = np.random.default_rng(natural(seed, "seed", ModelError))
@@ -174,7 +180,7 @@ def train(
         ("seed", seed, 0),
         ("max_steps", max_steps, 1),
     ):
-        natural(count, field, ModelError, least)
+        natural(count, field, ModelError, least, _MOST_STEPS if field == "max_steps" else None)
     usual = "scipy" if isinstance(net, NNARX) else "ipopt"
     kinds: dict[str, tuple[type, ...]] = {
         "scipy": (NNARX,),

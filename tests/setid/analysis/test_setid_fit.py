@@ -209,3 +209,24 @@ def test_an_empty_box_proves_its_radius_alone() -> None:
     assert verify_output(known, 0.5, np.inf).ok
     for low, error in ((0.6, np.inf), (0.5, 0.5)):
         assert not verify_output(known, low, error).ok
+
+
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+def test_no_simulation_begins_anew_behind_a_missing_reading(norm: Norm) -> None:
+    """y jumps by 3 at a missing reading: a point of the equations that are left follows it."""
+    u = np.round(np.random.default_rng(1).uniform(-2.0, 2.0, 12), 1)
+    y = lfilter([1.0], [1.0, -0.9], u)
+    y[6:] += 3.0
+    y[5] = np.nan
+    found = setid.fit(setid.IOData(u, y), setid.TransferFunction(1, 1), norm, options=QUICK)
+    a, b = found.theta
+    forced, free = lfilter([b], [1.0, a], np.append(0.0, u[1:])), (-a) ** np.arange(12.0)
+    levels = [
+        float(np.linalg.norm((y - forced - start * free)[~np.isnan(y)], order))
+        for start in np.linspace(-10.0, 10.0, 4001)
+        for order in [{"linf": np.inf, "l2": 2, "l1": 1}[norm]]
+    ]
+    assert found.lower_bound <= min(levels) * 1.01
+    assert found.error >= min(levels) * 0.99 and not found.attained and bool(found.verify())
+    claim = replace(found, attained=True)
+    assert found.evidence is None or found.evidence.attained is None or not claim.verify().ok

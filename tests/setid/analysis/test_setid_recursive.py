@@ -225,3 +225,26 @@ def test_bounds_of_two_channels_are_not_taken_for_those_of_two_samples() -> None
     whole = setid.identify(truth.data, model, setid.Noise(equation=bounds))
     for name, item in whole.intervals.items():
         assert online.intervals[name].outer == pytest.approx(item.outer, rel=1e-12)
+
+
+def test_a_window_has_no_rows_of_an_older_plant() -> None:
+    """y1 = b u with b = 1, then 3; the lags of y2 = u(k - 4) keep samples before the window."""
+    k, window, change = np.arange(20), 5, 12
+    u = np.where(k < change, 1.0, 0.5) * (-1.0) ** k
+    y = np.column_stack([np.where(k < change, 1.0, 3.0) * u, np.append(np.zeros(4), u[:-4])])
+    model = setid.TransferFunction(0, [[1], [1]], [[0], [4]], outputs=2)
+    online = setid.Recursive(model, setid.Noise(equation=1.0), window=window)
+    for sample in range(20):
+        assert online.update(u[sample], y[sample])
+        if sample >= change + window - 1:
+            low, high = online.intervals["b[1,1]0"].outer
+            assert low <= 3.0 <= high and not online.exact and online.verify()
+    with pytest.raises(setid.SetidError, match="window"):
+        setid.Recursive(model, setid.Noise(equation=1.0), window=4)
+
+
+def test_a_missing_reading_leaves_no_exact_set() -> None:
+    """y(2) = a^2 y(0) within 2: a row that only elimination of y(1) shows."""
+    online = setid.Recursive(setid.TransferFunction(1, 1), setid.Noise(equation=1.0))
+    online.update([0.0, 0.0, 0.0], [1.0, np.nan, 0.5])
+    assert not online.exact and "outer box" in online.summary()

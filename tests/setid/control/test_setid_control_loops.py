@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -49,3 +50,29 @@ def test_a_certificate_that_was_read_has_margins(found: control.StabilityCertifi
     again = control.StabilityCertificate.from_json(found.to_json())
     assert control.loop_margins(again).sensitivity < 1.4
     assert control.loop_step(again, 5).low.size == 5
+
+
+def test_numbers_of_responses_are_bounded(found: control.StabilityCertificate) -> None:
+    huge = 10**40
+    for call in (
+        lambda: control.loop_step(found, huge),
+        lambda: control.check_matching(P, K, M, huge),
+    ):
+        with pytest.raises(setid.SetidError, match="samples: found"):
+            call()
+    for field, value in (("rise", 5e-324), ("settling", 5e-324), ("delay", huge)):
+        given = {"rise": 1.0, "overshoot": 0.1, field: value}
+        with pytest.raises(setid.ModelError, match=f"{field}: found"):
+            control.reference_model(**given)
+
+
+@pytest.mark.parametrize("kind", [np.float32, Fraction, np.float64])
+def test_numbers_of_other_types_are_numbers(kind: type) -> None:
+    model = control.reference_model(kind(4), kind(8), Ts=kind(1))
+    assert model.denominator == control.reference_model(4.0, 8.0).denominator
+    r = np.random.default_rng(0).uniform(-1, 1, 40)
+    answer = control.stability_certificate(
+        setid.IOData(r, P.simulate(r)), K, M, 1, 0.01, kind(0.125), delay=1
+    )
+    assert type(answer.margin) is float and answer.verify()
+    assert control.StabilityCertificate.from_json(answer.to_json()).margin == 0.125

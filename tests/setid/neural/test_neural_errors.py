@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -262,3 +263,55 @@ def test_wrong_numbers_of_fits_and_bands_are_named(bad: object) -> None:
             continue
         with pytest.raises(setid.SetidError, match=f"{field}: found"):
             call()
+
+
+HUGE = 10**40
+
+
+@pytest.mark.parametrize("bad", ["x", b"x", 1j, {}, {1, 2}, [1.0, [2.0]], 10**400, Ellipsis])
+def test_wrong_inputs_of_networks_are_named(bad: object) -> None:
+    gate = ([[1.0]], [[0.0]], [0.0])
+    gru, net = neural.GRU(gate, gate, gate), neural.Network([[[1.0]]], [[0.0]])
+    calls = {"x": lambda: net(bad), "inputs": lambda: neural.stability(gru, bad)}
+    for field, call in calls.items():
+        with pytest.raises(setid.ModelError, match=f"{field}: found"):
+            call()
+
+
+def test_wrong_switches_kinds_and_sizes_are_named() -> None:
+    net, data = ramp()
+    array = np.ones(3)
+    calls = {
+        "lmi": lambda: neural.stability(net, lmi=array),
+        "normalised": lambda: neural.hidden_weights(net, data, 0.1, normalised=array),
+        "kind": lambda: neural.initial(data, 1, kind="NNOE"),
+        "data": lambda: neural.initial(None, 1),
+        "data: found no row": lambda: neural.initial(data, HUGE),
+        "widths": lambda: neural.initial(data, 1, [HUGE]),
+        "max_steps": lambda: neural.train(net, data, max_steps=HUGE),
+        "pieces": lambda: neural.envelope("tanh", -1.0, 1.0, HUGE),
+        "degree": lambda: neural.envelope("tanh", -1.0, 1.0, degree=0),
+        "cells": lambda: neural.envelope("tanh", -1.0, 1.0, cells=HUGE),
+    }
+    for field, call in calls.items():
+        with pytest.raises(setid.SetidError, match=field if ":" in field else f"{field}: found"):
+            call()
+
+
+def test_numbers_of_other_types_are_numbers() -> None:
+    net, data = ramp()
+    assert neural.hidden_weights(net, data, 0.5, Fraction(5, 2), 0.5).weights == 2.5
+    assert neural.envelope("tanh", -(10**2), Fraction(1, 3), 4, cells=50).verify()
+
+
+def test_a_condition_that_fails_bounds_no_distance() -> None:
+    """With the rate 1.5 the limit drive / (1 - rate) was below zero."""
+    net = neural.Elman([([[1.0]], [[1.5]], [0.0])], ([[1.0]], [0.0]))
+    found = neural.stability(net, lmi=False)
+    for condition in (found.conditions[0], "best", 1.0):
+        for call in (
+            lambda: found.limit(inputs=0.1, condition=condition),  # noqa: B023
+            lambda: found.distance(3, 1.0, condition=condition),  # noqa: B023
+        ):
+            with pytest.raises(setid.ModelError, match="condition: found"):
+                call()
