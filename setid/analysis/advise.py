@@ -261,11 +261,6 @@ def _coverage(counts: list[int]) -> float:
     return low
 
 
-def _named(data: IOData) -> list[tuple[str, Reals]]:
-    names = (*data.input_names, *data.output_names)
-    return list(zip(names, [*data.u.T, *data.y.T], strict=True))
-
-
 def _quantised(data: IOData) -> dict[str, float]:
     """Steps of outputs that take few values, all of them multiples of one step."""
     found = {}

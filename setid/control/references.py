@@ -338,12 +338,12 @@ def _normalised_times(damping: float) -> tuple[float, float]:
     return ends[1] - ends[0], float(grid[outside[-1] + 1])
 
 
-def complex_numbers(given: Any, field: str) -> list[complex]:
+def complex_numbers(given: Any) -> list[complex]:
     """Finite complex numbers, or one of them, as a list; text and others raise."""
     single = isinstance(given, (complex, float, int, np.number)) and not isinstance(given, bool)
     found = []
     for place, value in enumerate([given] if single else entries_of(
-        given, field, "complex numbers", ModelError
+        given, "zeros", "complex numbers", ModelError
     )):  # fmt: skip
         known = isinstance(value, (complex, float, int, np.number)) and not isinstance(value, bool)
         try:
@@ -352,7 +352,7 @@ def complex_numbers(given: Any, field: str) -> list[complex]:
             number_ = complex("nan")
         if not np.isfinite(number_):
             raise ModelError(
-                f"{field}[{place}]: found {value!r:.60}, expected a finite complex number"
+                f"zeros[{place}]: found {value!r:.60}, expected a finite complex number"
             )
         found.append(number_)
     return found
@@ -360,7 +360,7 @@ def complex_numbers(given: Any, field: str) -> list[complex]:
 
 def with_zeros(M: Transfer, delay: int, zeros: ArrayLike) -> Transfer:
     """M with more delay and with given zeros, static gain kept."""
-    given = np.array(complex_numbers(zeros, "zeros"))
+    given = np.array(complex_numbers(zeros))
     polynomial = np.poly(given) if given.size else np.ones(1)
     if np.abs(np.imag(polynomial)).max() > 1e-9 * np.abs(polynomial).max():
         raise ModelError(f"zeros: found {given.tolist()}, expected complex ones in pairs")

@@ -97,7 +97,7 @@ class Specification:
                 raise ModelError(f"{field}: found {value!r}, expected a positive time")
         for field in ("disturbance", "sensor_noise"):
             _check_limit(getattr(self, field), field)
-        object.__setattr__(self, "zeros", tuple(complex_numbers(self.zeros, "zeros")))
+        object.__setattr__(self, "zeros", tuple(complex_numbers(self.zeros)))
         if any(abs(z) <= 1.0 for z in self.zeros):
             raise ModelError(f"zeros: found {list(self.zeros)}, expected abs(z) > 1 for all")
 

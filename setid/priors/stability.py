@@ -30,26 +30,11 @@ import sparsepop_py as sp
 __all__ = [
     "disc_rows",
     "disc_unknowns",
-    "reflections_to_coefficients",
     "step_down",
     "unknown_values",
 ]
 
 Box = tuple[float, float]
-
-
-def reflections_to_coefficients(reflections: ArrayLike) -> NDArray[np.float64]:
-    """Coefficients c_1, ..., c_n of the monic polynomial with these reflection coefficients.
-
-    Examples
-    --------
-    >>> reflections_to_coefficients([0.5, -0.25]).tolist()
-    [0.375, -0.25]
-    """
-    coefficients = np.zeros(0)
-    for k in np.asarray(reflections, float):
-        coefficients = np.append(coefficients + k * coefficients[::-1], k)
-    return coefficients
 
 
 def step_down(coefficients: ArrayLike) -> list[NDArray[np.float64]]:
