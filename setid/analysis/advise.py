@@ -94,7 +94,7 @@ class Advice:
     record: IOData
 
     def square_wave(self, samples: int = 300, low: float = -1.0, high: float = 1.0) -> Reals:
-        """An input (samples,) to begin with: a square wave of two half periods in turn.
+        """Propose a first input (samples,): a square wave of two half periods in turn.
 
         Half periods are the settling time, which shows the static gain, and a fifth of it, which
         shows the dynamics, at the advised sampling time.

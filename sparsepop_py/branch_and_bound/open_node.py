@@ -13,7 +13,7 @@ __all__ = ["OpenNode", "certificate_node"]
 
 @dataclass(eq=False, kw_only=True)
 class OpenNode:
-    """A node of a growing tree: its place, and what is proved of it so far. Mutable.
+    """A node of a growing tree, with what is proved of it so far. Mutable.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Products:
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial] = ()) -> Products:
-        """Products of the constraints and objectives of a problem."""
+        """Find products in the constraints and objectives of a problem."""
         return _all_products(problem, objectives) if objectives else _products_of(problem)
 
     @cached_property

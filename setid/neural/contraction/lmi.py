@@ -216,7 +216,7 @@ def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
 
 
 def size_bounds(P: Reals) -> tuple[float, float]:
-    """Bounds low <= least eigenvalue and largest eigenvalue <= high of a definite matrix."""
+    """Bound least and largest eigenvalue of a definite matrix from below and above."""
     values = np.linalg.eigvalsh(P)
     high = float(np.max(row_sums(P)))
     near = float(values[-1]) * (1.0 + 1e-9)

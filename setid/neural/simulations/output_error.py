@@ -232,7 +232,7 @@ class _Rows:
         return _Rows(rest, generators[known], radius[known])
 
     def prove(self, dual: Reals) -> float:
-        """Lower bound of D from multipliers a - b, shape (T,); rows without a bound are left."""
+        """Bound D from below by multipliers a - b (T,); unbounded rows are left out."""
         good = np.isfinite(self.radius)
         if dual.shape != self.radius.shape or np.any(dual[~good] != 0):
             return 0.0
@@ -249,7 +249,7 @@ class _Rows:
         return float(found) if found > 0 else 0.0
 
     def solve(self) -> tuple[Reals, Reals]:
-        """Multipliers a - b and the minimising e of the linear program."""
+        """Solve the linear program: multipliers a - b and the minimising e."""
         good = np.flatnonzero(np.isfinite(self.radius))
         g, r, y = self.generators[good], self.radius[good], self.rest.middle()[good]
         count, kept = g.shape

@@ -295,7 +295,7 @@ class _Task:
         return [*found, *(f"b{j + 1}" for j in range(k)), "c"]
 
     def box(self) -> tuple[Reals, Reals]:
-        """Ranges that are assumed of hidden weights and biases, and what c has then."""
+        """Compute the assumed ranges of hidden weights and biases, and that of c."""
         high = np.full(self.width * (self.phi.shape[1] + 1) + 1, self.reach)
         size = self.width * float(up(np.abs(self.phi).sum(axis=1).max() * 1.000001 + 1.000001))
         high[-1] = float(up(up(size * self.reach) * max(1.0, abs(self.leak)))) * 1.000001
@@ -303,13 +303,13 @@ class _Task:
         return -high, high
 
     def program(self, signs: tuple[float, ...], box: tuple[Reals, Reals]) -> Patterns:
-        """The program of all patterns within a box of weights."""
+        """Build the program of all patterns within a box of weights."""
         return Patterns.of(self.phi, self.y, np.array(signs), self.leak, box, self.bound)
 
     def drawn(
         self, signs: tuple[float, ...], steps: tuple[tuple[Goal, PatternNode], ...]
     ) -> tuple[Reals, Reals]:
-        """The box that the trees prove one after the other; low above high where it is empty."""
+        """Compute the box that the trees prove in turn; low above high where empty."""
         low, high = self.box()
         goals = {(entry, side) for entry in range(low.size + 1) for side in (1.0, -1.0)}
         for goal, tree in steps:
@@ -323,7 +323,7 @@ class _Task:
         return low, high
 
     def parts(self, x: Reals) -> tuple[Reals, Reals, float]:
-        """Hidden weights (k, d), biases (k,) and output bias of a vector."""
+        """Split a vector in hidden weights (k, d), biases (k,) and output bias."""
         k, d = self.width, self.phi.shape[1]
         return x[: k * d].reshape(k, d), x[k * d : k * d + k], float(x[-1])
 
@@ -360,7 +360,7 @@ class _Search:
         self.members: dict[Goal, Reals] = {}
 
     def run(self) -> SignChoice:
-        """First whether there is a network, then each end in two rounds."""
+        """Decide whether there is a network, then search each end in two rounds."""
         size = self.low.size
         self.bounded((size, 1.0), _ROUNDS[-1])
         goals = [(entry, side) for entry in range(size) for side in (1.0, -1.0)]
@@ -380,12 +380,12 @@ class _Search:
         )
 
     def value(self, goal: Goal) -> float:
-        """The least value of a goal that a member attains."""
+        """Find the least value of a goal that a member attains."""
         found = self.members.get(goal)
         return np.inf if found is None else goal[1] * float(found[goal[0]])
 
     def gap(self, goal: Goal) -> float:
-        """Distance of proved and attained end above what is allowed, infinite without a member."""
+        """Compute by how much the ends differ beyond the allowed; infinite without a member."""
         entry, side = goal
         if goal not in self.members:
             return np.inf
@@ -393,7 +393,7 @@ class _Search:
         return self.value(goal) - float(proved) - self.allowed(entry)
 
     def allowed(self, entry: int) -> float:
-        """Half of the gap that "certified" allows."""
+        """Compute half of the gap that "certified" allows."""
         ends = [self.value((entry, side)) for side in (1.0, -1.0)]
         return 0.5 * _CLOSED * max(-ends[1] - ends[0], 0.0) if np.all(np.isfinite(ends)) else 0.0
 

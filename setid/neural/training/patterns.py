@@ -129,7 +129,7 @@ class Patterns:
         return Patterns(matrix, (low, high), columns, size, pairs, leak == 1.0)
 
     def decided(self, fixed: NDArray[np.int8]) -> tuple[Reals, Reals]:
-        """Bounds of the columns where pairs are fixed: 1 for a- = 0, -1 for a+ = 0."""
+        """Bound columns where pairs are fixed: 1 if a- = 0, -1 if a+ is."""
         high = self.columns[1].copy()
         high[self.weights : self.weights + self.pairs][fixed == -1] = 0.0
         high[self.weights + self.pairs :][fixed == 1] = 0.0
@@ -141,14 +141,14 @@ class Patterns:
         return self.weights - 1, 1.0
 
     def floor(self, goal: Goal) -> float:
-        """Lower bound of a goal that its column's range gives."""
+        """Bound a goal from below by its column's range."""
         entry, side = goal
         return float(self.columns[0][entry] if side > 0 else -self.columns[1][entry])
 
     def prove(
         self, dual: Reals, fixed: NDArray[np.int8], infeasible: bool, goal: Goal | None = None
     ) -> float:
-        """Lower bound of a goal over a node; infinite where the multipliers prove it empty."""
+        """Bound a goal over a node from below; infinite where it is proved empty."""
         entry, side = goal = goal or self.level
         if dual.shape != self.rows[0].shape or not np.all(np.isfinite(dual)):
             return self.floor(goal)
@@ -193,7 +193,7 @@ def _ordering(signs: Reals, d: int, width: int) -> sps.csr_array:
 def prove_tree(
     program: Patterns, node: PatternNode, fixed: NDArray[np.int8], goal: Goal | None = None
 ) -> float:
-    """Lower bound of a goal (D where left out) that the leaves of a tree prove together."""
+    """Bound a goal (D where left out) from below by the leaves of a tree."""
     if node.split < 0:
         return program.prove(node.dual, fixed, node.infeasible, goal)
     if len(node.children) != 2 or node.split >= program.pairs:
@@ -270,7 +270,7 @@ class PatternSearch:
         return self.queue[0][0]
 
     def tree(self, number: int = 0) -> PatternNode:
-        """The nodes with their multipliers."""
+        """Build the nodes with their multipliers."""
         if number in self.children:
             split, one, other = self.children[number]
             return PatternNode(split, (self.tree(one), self.tree(other)), np.zeros(0))

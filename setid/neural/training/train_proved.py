@@ -367,7 +367,7 @@ class _Best:
             self.take(search.propose(pattern), signs)
 
     def network(self) -> Network:
-        """The network, with as many neurons as were given."""
+        """Build the network, with as many neurons as were given."""
         w, b, signs, c = self.parts
         width = self.given.weights[0].shape[0]
         full = np.zeros((width, self.phi.shape[1])), np.zeros(width), np.ones(width)
