@@ -34,7 +34,6 @@ from setid.control.transfer import Transfer
 
 __all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
 
-Reals = NDArray[np.float64]
 _FASTEST = 20.0  # poles and zeros beyond this many times 2 / Ts are replaced by their gain
 _SPARE_PEAK = 1.1  # times the peak of T that the overshoot allows
 _ROLL_OFF = 3.0  # times the bandwidth: where T may fall without a limit for sensor noise

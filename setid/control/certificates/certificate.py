@@ -10,7 +10,6 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
@@ -52,7 +51,6 @@ __all__ = [
     "stability_certificate",
 ]
 
-Reals = NDArray[np.float64]
 Method = Literal["small_gain", "characteristic"]
 _SNAP = 1e-6  # largest residual of a pole that is taken to be at z = 1, relative
 _PROOF = 0.75  # of the time for the proof; the rest looks for a plant that refutes it

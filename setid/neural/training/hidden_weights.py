@@ -34,11 +34,12 @@ from setid import (
 )
 from setid.data.checks import FrozenMapping, frozen, number
 from setid.neural.arithmetic import activate, require_ieee, up
+from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
-from setid.neural.training.patterns import Goal, PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.status import Status, agreed, same_intervals
+from setid.neural.training.patterns import Goal, Patterns, PatternSearch, prove_tree
 from setid.neural.training.smooth_weights import (
     SmoothHiddenWeights,
     interval_of,
@@ -73,7 +74,7 @@ class SignChoice:
     signs: tuple[float, ...]
     low: Reals
     high: Reals
-    steps: tuple[tuple[Goal, PatternNode], ...]
+    steps: tuple[tuple[Goal, DualNode], ...]
     members: Reals
 
     @property
@@ -131,11 +132,7 @@ class HiddenWeights:
             if not verdict:
                 return verdict
         wanted, status = _intervals(task, self.choices)
-        same = status is self.status and wanted.keys() == self.intervals.keys()
-        same = same and all(
-            (a.outer, a.inner, a.status) == (b.outer, b.inner, b.status)
-            for a, b in zip(wanted.values(), self.intervals.values(), strict=True)
-        )
+        same = status is self.status and same_intervals(self.intervals, wanted)
         return agreed((same, "the intervals are not those of the choices"))
 
     def __repr__(self) -> str:
@@ -307,7 +304,7 @@ class _Task:
         return Patterns.of(self.phi, self.y, np.array(signs), self.leak, box, self.bound)
 
     def drawn(
-        self, signs: tuple[float, ...], steps: tuple[tuple[Goal, PatternNode], ...]
+        self, signs: tuple[float, ...], steps: tuple[tuple[Goal, DualNode], ...]
     ) -> tuple[Reals, Reals]:
         """Compute the box that the trees prove in turn; low above high where empty."""
         low, high = self.box()
@@ -356,7 +353,7 @@ class _Search:
     def __init__(self, task: _Task, signs: tuple[float, ...], until: float) -> None:
         self.task, self.signs, self.until = task, signs, until
         self.low, self.high = task.box()
-        self.steps: list[tuple[Goal, PatternNode]] = []
+        self.steps: list[tuple[Goal, DualNode]] = []
         self.members: dict[Goal, Reals] = {}
 
     def run(self) -> SignChoice:

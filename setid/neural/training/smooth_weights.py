@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
 from setid.data.checks import FrozenMapping, frozen
 from setid.neural.arithmetic import Interval, LinearModel, down, up
+from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.weight_boxes import WeightProgram
 
@@ -119,11 +120,7 @@ class SmoothHiddenWeights:
         if not all(task.member(x) for x in self.members):
             return Verification(False, "a member does not explain the record")
         wanted, status = _intervals(task, low, high, self.members)
-        same = status is self.status and wanted.keys() == self.intervals.keys()
-        same = same and all(
-            (a.outer, a.inner, a.status) == (b.outer, b.inner, b.status)
-            for a, b in zip(wanted.values(), self.intervals.values(), strict=True)
-        )
+        same = status is self.status and same_intervals(self.intervals, wanted)
         return agreed(
             (same, "the intervals are not those that the steps and members prove"),
             (eps <= self.eps, "the activation is not proved to be within eps of its lines"),
@@ -306,14 +303,6 @@ class _Task:
         v = x[self.hidden : -1]
         inside = np.all(np.abs(x[:-1]) <= self.program.weights) and np.all(v >= 0.0)
         return reached <= self.bound and bool(inside) and self.ordered(point)
-
-
-def halves(box: Interval, entry: int, at: float) -> tuple[Interval, Interval]:
-    """Split a box on both sides of a value, which is moved into it."""
-    at = min(max(at, float(box.lo[entry])), float(box.hi[entry]))
-    low, high = box.lo.copy(), box.hi.copy()
-    low[entry], high[entry] = at, at
-    return Interval(box.lo, high), Interval(low, box.hi)
 
 
 class _Search:

@@ -15,8 +15,6 @@ whose bound is proved as in :mod:`setid.neural.training.patterns`, with coeffici
 
 from __future__ import annotations
 
-import heapq
-import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,32 +32,12 @@ from setid.neural.arithmetic import (
     row_sums,
     up,
 )
+from setid.neural.branching import BestFirst, DualNode, halves
 from setid.neural.models.network import Network
 
-__all__ = ["WeightNode", "WeightProgram", "WeightSearch", "fitted", "prove_boxes", "reaches"]
+__all__ = ["WeightProgram", "WeightSearch", "fitted", "prove_boxes", "reaches"]
 
 Reals = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WeightNode:
-    """A box of hidden weights: bisected along one entry, or bounded by multipliers.
-
-    Parameters
-    ----------
-    split : int
-        Entry that is bisected; -1 at a leaf.
-    children : tuple of WeightNode
-        The lower and the upper half.
-    dual : (rows,) float
-    infeasible : bool
-        Whether ``dual`` proves that no network of the box stays below the cap.
-    """
-
-    split: int
-    children: tuple[WeightNode, ...]
-    dual: Reals
-    infeasible: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,32 +177,23 @@ class WeightProgram:
             found[number] = down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(slack)))
         return found
 
-    def halves(self, box: Interval, entry: int) -> tuple[Interval, Interval]:
-        """Split a box in two halves."""
-        middle = 0.5 * box.lo[entry] + 0.5 * box.hi[entry]
-        low, high = box.lo.copy(), box.hi.copy()
-        low[entry], high[entry] = middle, middle
-        return Interval(box.lo, high), Interval(low, box.hi)
 
-
-def prove_boxes(program: WeightProgram, node: WeightNode, box: Interval) -> float:
+def prove_boxes(program: WeightProgram, node: DualNode, box: Interval) -> float:
     """Bound D from below by what the leaves of a tree prove together."""
     if node.split < 0:
         return program.prove(box, node.dual, node.infeasible)
     if len(node.children) != 2 or node.split >= box.lo.size:
         return 0.0
-    parts = zip(node.children, program.halves(box, node.split), strict=True)
+    parts = zip(node.children, halves(box, node.split), strict=True)
     return min(prove_boxes(program, child, half) for child, half in parts)
 
 
-class WeightSearch:
+class WeightSearch(BestFirst[Interval]):
     """Best-first branch and bound over boxes of hidden weights."""
 
     def __init__(self, program: WeightProgram) -> None:
+        super().__init__()
         self.program = program
-        self.known: list[tuple[Interval, Reals, bool, int, Reals | None]] = []
-        self.children: dict[int, tuple[int, int, int]] = {}
-        self.queue: list[tuple[float, int]] = []
         self.add(program.root())
 
     def add(self, box: Interval) -> None:
@@ -240,29 +209,11 @@ class WeightSearch:
         reach = np.append(np.abs(program.phi).max(axis=0), 1.0)
         entry = int(np.argmax(box.width() * np.tile(reach, program.width)))
         point = program.hidden(box, found.x) if found.status == "solved" else None
-        self.known.append((box, found.dual, infeasible, entry, point))
-        heapq.heappush(self.queue, (value, len(self.known) - 1))
+        self.file(value, box, found.dual, infeasible, entry, point)
 
-    def run(self, cutoff: float, until: float, most: int) -> float:
-        """Bisect until the bound reaches the cutoff or limits are met; returns the bound."""
-        while len(self.known) < most and time.monotonic() < until:
-            value, number = self.queue[0]
-            if value >= cutoff:
-                break
-            heapq.heappop(self.queue)
-            box, entry = self.known[number][0], self.known[number][3]
-            self.children[number] = (entry, len(self.known), len(self.known) + 1)
-            for half in self.program.halves(box, entry):
-                self.add(half)
-        return self.queue[0][0]
-
-    def tree(self, number: int = 0) -> WeightNode:
-        """Build the nodes with their multipliers."""
-        if number in self.children:
-            entry, one, other = self.children[number]
-            return WeightNode(entry, (self.tree(one), self.tree(other)), np.zeros(0))
-        _, dual, infeasible, _, _ = self.known[number]
-        return WeightNode(-1, (), dual, infeasible)
+    def parts(self, part: Interval, split: int) -> tuple[Interval, Interval]:
+        """Bisect a box along an entry."""
+        return halves(part, split)
 
 
 def reaches(weights: float, y: Reals) -> float:
