@@ -95,7 +95,7 @@ class BestFirst(ABC, Generic[Part]):
 
     @property
     def bound(self) -> float:
-        """What all leaves prove together: the bound of the weakest."""
+        """Bound that all leaves prove together: that of the weakest."""
         return self._queue[0][0]
 
     def branch(self) -> bool:
