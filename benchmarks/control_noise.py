@@ -1,10 +1,10 @@
-"""Noise that a certificate of stability bears: the notes' example, by samples and margin.
+"""Noise that a certificate of stability bears: a plant of order 4, by samples and margin.
 
     python -m benchmarks.control_noise --snr 30 25 --samples 100 400 --margin 0 0.1
 
-One row a case: the verdict by the characteristic polynomial for the controller that the notes
-print, the widest interval of the plant's polytope, and the factor rho by which a box of parameters
-returns from the rows of the record. Where rho is 1 or more, sums of rows give no finite box.
+One row a case: the verdict by the characteristic polynomial for one controller, the widest
+interval of the plant's polytope, and the factor rho by which a box of parameters returns from the
+rows of the record. Where rho is 1 or more, sums of rows give no finite box.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CONTROLLER = control.Transfer(
 
 
 def record(snr: float, samples: int, seed: int) -> tuple[setid.IOData, float]:
-    """A record of the notes' plant with uniform noise, and the bound of the noise."""
+    """A record of the plant with uniform noise, and the bound of the noise."""
     rng = np.random.default_rng(seed)
     r = rng.uniform(-1, 1, samples)
     y = PLANT.simulate(r)

@@ -54,7 +54,7 @@ def told(words: str, code: int) -> int:
 
 
 def checked(arguments: list[str]) -> list[str]:
-    """What the files prove."""
+    """Tell what the files prove."""
     options, arguments = split_options(arguments)
     if "--record" in options and len(arguments) == 1:
         name, found = reading.content(reading.load(arguments[0]), arguments[0])
@@ -87,7 +87,7 @@ def checked(arguments: list[str]) -> list[str]:
 
 
 def split_options(arguments: list[str]) -> tuple[dict[str, str], list[str]]:
-    """Options of a record with their values, and the files."""
+    """Split options of a record with their values from files."""
     options, files, words = dict[str, str](), list[str](), list(arguments)
     while words:
         word = words.pop(0)
@@ -102,7 +102,7 @@ def split_options(arguments: list[str]) -> tuple[dict[str, str], list[str]]:
 
 
 def about_ratios(name: str, found: Any, arguments: list[str]) -> list[str]:
-    """What files about ratios prove; their problem has to be JSON."""
+    """Tell what files about ratios prove; their problem has to be JSON."""
     about = None
     if len(arguments) == 2:
         kind, stated = reading.content(reading.load(arguments[0]), arguments[0])
@@ -122,7 +122,7 @@ def about_ratios(name: str, found: Any, arguments: list[str]) -> list[str]:
 
 
 def problem_of(path: str) -> tuple[Problem, Any]:
-    """The problem in a file, by what the file holds, and its JSON or None."""
+    """Read the problem that a file holds, and its JSON or None."""
     if not path.endswith(".json"):
         return text.problem_of(path), None
     name, found = reading.content(reading.load(path), path)

@@ -55,7 +55,7 @@ class Form(NamedTuple):
 
 
 def restated(p: Polynomial, m: int, least: int = 0) -> tuple[dict[Word, int], int]:
-    """Integers G and E >= least with G(X) = 2^E p(x), for X = 2^m x."""
+    """Scale p to integers: G(X) = 2^E p(x) for X = 2^m x, E >= least."""
     degree = max(map(len, p.terms), default=0)
     shift = max(least - m * degree + p.exp, 0)
     found = {w: c << (m * (degree - len(w)) + shift) for w, c in p.terms.items() if c}
@@ -63,7 +63,7 @@ def restated(p: Polynomial, m: int, least: int = 0) -> tuple[dict[Word, int], in
 
 
 def form_of(terms: dict[Word, int], equality: bool, complete: bool = True) -> Form:
-    """A row as a form, the squares c1 X + c2 X^2 completed if asked."""
+    """Write a row as a form, squares c1 X + c2 X^2 completed if asked."""
     left, multiple = dict(terms), 1
     pairs: list[tuple[int, int, int]] = []
     both = [w for w in terms if len(w) == 2 and w[0] == w[1] and (w[0],) in terms]
@@ -88,13 +88,13 @@ def form_of(terms: dict[Word, int], equality: bool, complete: bool = True) -> Fo
 
 
 def i_scale(k: int, b: int, i: Any) -> Any:
-    """The interval k x + b."""
+    """Compute the interval k x + b."""
     ends = [None if e is None else k * e + b for e in i]
     return tuple(ends if k >= 0 else ends[::-1])
 
 
 def i_mul(i: Any, j: Any) -> Any:
-    """The product, as the kernel encloses it."""
+    """Multiply as the kernel does."""
     (a, b), (c, d) = i, j
     if None not in (a, b, c, d):
         four = (a * c, a * d, b * c, b * d)
@@ -105,7 +105,7 @@ def i_mul(i: Any, j: Any) -> Any:
 
 
 def i_power(i: Any, n: int) -> Any:
-    """The power, as the kernel encloses it."""
+    """Compute the power, as the kernel encloses it."""
     if n % 2 == 0:
         a, b = i
         if b is not None and b <= 0:
@@ -119,7 +119,7 @@ def i_power(i: Any, n: int) -> Any:
 
 
 def range_of(form: Form, box: Ends) -> tuple[Any, Any]:
-    """The range of a form over a box, as the kernel finds it."""
+    """Enclose a form over a box, as the kernel does."""
     low: Any = 0
     high: Any = 0
     for term in form.terms:
@@ -134,7 +134,7 @@ def range_of(form: Form, box: Ends) -> tuple[Any, Any]:
 
 
 def never(form: Form, box: Ends) -> bool:
-    """Whether a row cannot hold on a box, as the kernel finds it."""
+    """Check whether a row cannot hold on a box, as the kernel finds it."""
     low, high = range_of(form, box)
     return bool((high is not None and high < 0) or (form.equality and low is not None and low > 0))
 
@@ -235,7 +235,7 @@ class Shaver:
 
 
 def lies_in(box: Ends, goal: list[tuple[Fraction, Fraction]]) -> bool:
-    """Whether a box lies in another one, that is finite."""
+    """Check whether a box lies in another one, that is finite."""
     pairs = zip(box, goal, strict=True)
     return all(
         a is not None and b is not None and low <= a and b <= high for (a, b), (low, high) in pairs
@@ -290,7 +290,7 @@ class Exporter:
         self.shaver = Shaver(self.rows + own, equal + [False] * len(own), m)
 
     def tree(self, part: Part, box: Ends) -> str:
-        """The Coq term of a part and all parts below."""
+        """Write the Coq term of a part and all parts below."""
         shaves = self.shaver.shrink(box, self._goal(part))
         steps = "[" + ";\n    ".join(shaves) + "]"
         if v := _empty(box):
@@ -327,7 +327,7 @@ class Exporter:
         return [(c - s, c + s) for c, s in ends]
 
     def identity(self, part: Part, box: Ends) -> str:
-        """The identity of a part, scaled to integers."""
+        """Scale the identity of a part to integers."""
         argument = part.argument
         if not isinstance(argument, (Identity, LinearDual)):
             raise NotCovered(f"a part without multipliers ({type(argument).__name__})")
@@ -424,7 +424,7 @@ class Exporter:
 
 
 def dict_of(words: list[Word], values: list[int]) -> dict[Word, int]:
-    """A polynomial from words that may repeat."""
+    """Collect a polynomial from words that may repeat."""
     found: dict[Word, int] = {}
     for word, value in zip(words, values, strict=True):
         found[word] = found.get(word, 0) + value
@@ -435,14 +435,14 @@ def dict_of(words: list[Word], values: list[int]) -> dict[Word, int]:
 
 
 def poly_text(terms: dict[Word, int]) -> str:
-    """A polynomial of the kernel, its words in order."""
+    """Write a polynomial of the kernel, its words in order."""
     listed = sorted(terms.items(), key=lambda term: (len(term[0]), term[0]))
     words = {w: f"[{'; '.join(map(str, w))}]%positive" if w else "[]" for w, _ in listed}
     return f"[{'; '.join(f'({words[w]}, ({c})%Z)' for w, c in listed if c)}]"
 
 
 def form_text(form: Form) -> str:
-    """A form of the kernel."""
+    """Write a form of the kernel."""
     parts = []
     for term in form.terms:
         factors = "; ".join(f"({a}, {b}, {v}%positive, {n}%nat)" for a, b, v, n in term.factors)
@@ -451,14 +451,14 @@ def form_text(form: Form) -> str:
 
 
 def real(value: Fraction) -> str:
-    """A rational number in R."""
+    """Write a rational number in R."""
     sign = "-" if value < 0 else ""
     text = f"{sign}{abs(value.numerator)}"
     return text if value.denominator == 1 else f"({text} / {value.denominator})"
 
 
 def readable(p: Polynomial, names: list[str]) -> str:
-    """A polynomial in R, for people."""
+    """Write a polynomial in R, for people."""
     parts = []
     listed = sorted(p.terms, key=lambda w: (len(w), w))
     for word in listed:
@@ -473,7 +473,7 @@ def readable(p: Polynomial, names: list[str]) -> str:
 
 
 def statement(problem: Problem, claim: Fraction | None) -> tuple[str, int]:
-    """The theorem in words that people read, and how many hypotheses it has."""
+    """Write the theorem in words that people read; count its hypotheses."""
     names = [f"x{v + 1}" for v in range(problem.dimension)]
     lines = []
     for name, low, high in zip(names, problem.lower, problem.upper, strict=True):
@@ -494,7 +494,7 @@ Definition shave_by k m f v u e :=
 
 
 def coq(problem: Problem, certificates: Certificates) -> str:
-    """The Coq file that proves what the last certificate claims of the problem."""
+    """Write the Coq file that proves the last certificate's claim about the problem."""
     m = exponent(problem, certificates)
     made = Exporter(problem, certificates, m)
     unit = 2**m
@@ -574,12 +574,12 @@ SOUND = {
 
 
 def ends_text(low: int | None, high: int | None) -> list[str]:
-    """The ends of an interval of the kernel."""
+    """Write the ends of an interval of the kernel."""
     return ["None" if end is None else f"Some ({end})%Z" for end in (low, high)]
 
 
 def exponent(problem: Problem, certificates: Certificates) -> int:
-    """The least m >= 64 such that all places of boxes are whole multiples of 2^-m."""
+    """Find the least m >= 64 with all places of boxes multiples of 2^-m."""
     bits = [64]
     for end in (*problem.lower, *problem.upper):
         bits.append(0 if end in (INF, -INF) else end.denominator.bit_length() - 1)

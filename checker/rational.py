@@ -48,14 +48,14 @@ class Range:
     most: Any
 
     def reciprocal(self) -> tuple[Any, Any]:
-        """Bounds of 1 / q: the doubles next to 1 / most and 1 / least, outwards."""
+        """Bound 1 / q by doubles outside of 1 / most and 1 / least."""
         low = Fraction(0) if self.most == INF else inverse(self.most, -inf)
         high = INF if self.least == INF else inverse(self.least, inf)
         return (low, high) if self.sign > 0 else (-high, -low)
 
 
 def inverse(value: float, towards: float) -> Any:
-    """The double next to 1 / value on one side, infinite beyond all doubles."""
+    """Find the double next to 1 / value on one side, infinite beyond all doubles."""
     exact = 1 / Fraction(value)
     try:
         near = float(exact)
@@ -67,7 +67,7 @@ def inverse(value: float, towards: float) -> Any:
 
 
 def key(p: Polynomial) -> Any:
-    """What equal polynomials share."""
+    """Make a key that equal polynomials share."""
     return p.coefficient(), tuple(sorted(p.open().items()))
 
 
@@ -75,7 +75,7 @@ def key(p: Polynomial) -> Any:
 
 
 def rational(found: Any, n: int, place: str) -> Rational:
-    """A sum of ratios; denominators have variables and differ."""
+    """Read a sum of ratios; denominators have variables and differ."""
     got = fields(found, place, n, whole=polynomial, ratios="l")
     pairs = []
     for k, pair in enumerate(got.ratios):
@@ -113,7 +113,7 @@ class RationalProblem:
         self._places = {key(q): k for k, q in enumerate(self.denominators)}
 
     def place(self, q: Polynomial) -> int:
-        """Which of the denominators."""
+        """Find which of the denominators it is."""
         return self._places[key(q)]
 
     @property
@@ -122,12 +122,12 @@ class RationalProblem:
         return self.objective.whole.coefficient()
 
     def fits(self, level: Any) -> bool:
-        """Whether the objective can be compared with a level: one ratio beside a constant."""
+        """Check whether the objective compares with a level: one ratio beside a constant."""
         one = len(self.objective.ratios) == 1 and not self.objective.whole.open()
         return level is None or one
 
     def lifted(self, ranges: list[Range], level: float | None) -> Problem:
-        """The polynomial problem in x, reciprocals of denominators, and the level."""
+        """Lift to the polynomial problem in x, reciprocals of denominators, and the level."""
         several = [f for _, f in self.rows if not f.is_fraction]
         several += [self.objective] if level is None else []
         places = sorted({self.place(q) for f in several for _, q in f.ratios})
@@ -161,14 +161,14 @@ class RationalProblem:
 
 
 def signed(p: Polynomial, sign: int) -> Polynomial:
-    """The polynomial times 1 or -1."""
+    """Multiply a polynomial by 1 or -1."""
     found = Polynomial()
     found.add(p, sign)
     return found
 
 
 def minus(one: Polynomial, other: Polynomial) -> Polynomial:
-    """The difference."""
+    """Subtract."""
     found = signed(one, 1)
     found.add(other, -1)
     return found
@@ -196,7 +196,7 @@ class RationalCertificate:
         self.problem = None if self.empty else about.lifted(self.ranges, self.level)
 
     def range_of(self, found: Any, q: Polynomial, place: str) -> Range:
-        """The sign of a denominator and its size; raises where the sign is not proved."""
+        """Prove the sign of a denominator and bound its size; raise without a sign."""
         sign = whole(item(found, "sign", place), place)
         if sign not in (1, -1):
             raise Malformed(f"{place}.sign: {sign}")
@@ -209,14 +209,14 @@ class RationalCertificate:
         return Range(sign, least, max(least, most))
 
     def claimed(self, found: Any, objective: Polynomial, place: str) -> Any:
-        """The claim of a certificate about the base, -INF where it is not proved."""
+        """Verify a certificate's claim about the base, -INF where it is not proved."""
         base = self.about.base
         given = base.constraints, base.lower, base.upper, base.names
         proof = Certificates(found, Problem(base.dimension, objective, *given), place)
         return proof.claim if proof.prove()[0] >= proof.claim else -INF
 
     def prove(self) -> tuple[Any, list[str]]:
-        """What is proved of the objective, and why it may be weak."""
+        """Prove the bound of the objective; say what makes it weak."""
         if self.empty:
             return INF, []
         if self.found is None or self.problem is None:
@@ -226,7 +226,7 @@ class RationalCertificate:
         return (self.translated(least, 1) if least >= proof.claim else -INF), why
 
     def translated(self, value: Any, side: int) -> Any:
-        """A bound of the polynomial objective as one of the ratio: from below (1), above (-1)."""
+        """Translate the polynomial objective's bound to the ratio's: below (1), above (-1)."""
         if self.level is None or value in (INF, -INF):
             return value
         ((_, q),) = self.about.objective.ratios
@@ -240,13 +240,13 @@ class RationalCertificate:
 
 
 def check_rational_certificate(about: RationalProblem, found: Any) -> list[str]:
-    """The claim of a certificate of a problem with ratios."""
+    """Check the claim of a certificate of a problem with ratios."""
     proof = RationalCertificate(found, about, "rational_certificate")
     return [proved_bound(proof, proof.claim)]
 
 
 def check_rational_result(found: Any, given: RationalProblem | None = None) -> list[str]:
-    """The claims of a result about ratios; of its own problem, or of one that is given."""
+    """Check the claims of a result about ratios, of its own or a given problem."""
     place = "rational_result"
     about = RationalProblem(item(found, "problem", place), f"{place}.problem")
     about = about if given is None else given

@@ -29,7 +29,7 @@ class NotProved(Exception):
 
 
 def shown(value: Any) -> str:
-    """A number for people; a claim is a double and is shown with all its digits."""
+    """Write a number for people; a claim, a double, keeps all its digits."""
     if value in (INF, -INF):
         return "inf" if value > 0 else "-inf"
     try:
@@ -39,7 +39,7 @@ def shown(value: Any) -> str:
 
 
 def fingerprint(found: Any) -> str:
-    """The name that certificates of version 3 give a problem, from its JSON.
+    """Compute the name that certificates of version 3 give a problem, from its JSON.
 
     Nothing rests on it: every claim is proved for the problem at hand. It tells files that were
     mixed up.
@@ -66,12 +66,12 @@ def fingerprint(found: Any) -> str:
 
 
 def packed(kind: str, values: list[Any]) -> bytes:
-    """Numbers one after another: 8 bytes (q), 4 bytes (i) or doubles (d), the low byte first."""
+    """Pack numbers: 8 bytes (q), 4 bytes (i) or doubles (d), low byte first."""
     return pack(f"<{len(values)}{kind}", *values)
 
 
 def remarks(found: Any, certificates: Any) -> list[str]:
-    """What the name of a problem says of a certificate."""
+    """Tell what the name of a problem says of a certificate."""
     name = certificates[-1]["fingerprint"]
     if not name.startswith("v2:") or name == fingerprint(found):
         return []
@@ -79,7 +79,7 @@ def remarks(found: Any, certificates: Any) -> list[str]:
 
 
 def proved_bound(proof: Any, claim: Any) -> str:
-    """The sentence about a lower bound; raises where it, or the bound stated, is not proved."""
+    """Write the lower bound's sentence; raise where it, or the stated one, is unproved."""
     bound, why = proof.prove()
     most = max(claim, proof.claim)
     if bound < most:
@@ -92,13 +92,13 @@ def proved_bound(proof: Any, claim: Any) -> str:
 
 
 def check_certificate(given: Problem, found: Any) -> list[str]:
-    """The claims of a certificate of a problem."""
+    """Check the claims of a certificate of a problem."""
     certificates = Certificates(found, given)
     return [proved_bound(certificates, certificates.claim)]
 
 
 def check_result(found: Any, given: Problem | None = None) -> list[str]:
-    """The claims of a result; of its own problem, or of one that is given."""
+    """Check the claims of a result, of its own or a given problem."""
     about = problem(item(found, "problem", "result"), "result.problem")
     about = about if given is None else given
     proof = item(found, "certificate", "result")
@@ -107,7 +107,7 @@ def check_result(found: Any, given: Problem | None = None) -> list[str]:
 
 
 def direction(found: Any, about: Problem | None, place: str) -> list[Fraction]:
-    """A ray: as many finite doubles as there are variables."""
+    """Read a ray: as many finite doubles as there are variables."""
     ray = [Fraction(finite(value, place)) for value in items(found, place)]
     if about is not None and len(ray) != about.dimension:
         raise Malformed(f"{place}: {len(ray)} numbers for {about.dimension} variables")
@@ -117,7 +117,7 @@ def direction(found: Any, about: Problem | None, place: str) -> list[Fraction]:
 def check_claims(
     found: Any, place: str, proof: Any, about: Problem | None, value_of: Any = None
 ) -> list[str]:
-    """The bounds and the status of a result, by its proof and a point of a problem.
+    """Check the bounds and status of a result by its proof and a point.
 
     ``value_of`` says what a value of the problem's objective means for that of the result.
     """

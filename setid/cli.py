@@ -334,7 +334,7 @@ _CONTINUOUS = ("method", "delta", "tau", "hold")
 
 
 def add_structure(command: argparse.ArgumentParser) -> None:
-    """The options that describe structures and priors."""
+    """Add the options that describe structures and priors."""
     group = command.add_argument_group("structure and priors")
     group.add_argument("--na", type=int, help="denominator coefficients")
     group.add_argument("--nb", type=int, help="numerator coefficients")
@@ -370,7 +370,7 @@ def add_structure(command: argparse.ArgumentParser) -> None:
 
 
 def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
-    """The structure of parsed options, for the channels of a record.
+    """Build the structure of parsed options, for the channels of a record.
 
     Raises
     ------

@@ -122,7 +122,7 @@ class Consistency(NoiseScale):
         return True if high <= 1.0 else (False if low > 1.0 else None)
 
     def noise_bound(self, margin: float = 1.0) -> Noise:
-        """Noise bounds read off this record: the attained factor times the bounds as given.
+        """Read noise bounds off this record: the attained factor times the bounds as given.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class Consistency(NoiseScale):
         return verify_scale(self)
 
     def summary(self) -> str:
-        """A few lines for people."""
+        """Describe the factor and what it rests on in a few lines."""
         low, high = self.scale
         ends = f"{rounded(low, False, 6)} (proved) to {rounded(high, True, 6)} (attained)"
         lines = [f"least factor on the noise bounds: {ends}"]

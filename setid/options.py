@@ -88,15 +88,15 @@ class Options:
         self.for_engine()  # refuses solvers that are not there
 
     def limits(self) -> Deadline:
-        """The limits in time of work that begins now."""
+        """Start the limits in time of work that begins now."""
         return Deadline(self.time_limit, None, self.cpu_limit)
 
     def deadline(self) -> float:
-        """The reading of ``time.monotonic`` at which work that begins now is to end."""
+        """Compute when work that begins now is to end, by ``time.monotonic``."""
         return self.limits().end
 
     def within(self, deadline: Deadline, share: float = 1.0) -> Options:
-        """The same options with a share of the time that a deadline leaves.
+        """Shorten the time to a share of what a deadline leaves.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Options:
     def for_engine(
         self, gap_kind: Literal["absolute", "width"] = "width", until: float | None = None
     ) -> sp.Options:
-        """The engine's options that go with these.
+        """Choose the engine's options that go with these.
 
         Parameters
         ----------

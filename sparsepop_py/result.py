@@ -406,7 +406,7 @@ def _listed(words: list[str]) -> str:
 
 
 def claims_of(result: Any, message: str) -> list[str]:
-    """Problem, status, bounds and point of a result, a line each."""
+    """List problem, status, bounds and point of a result, a line each."""
     lines = [
         repr(result.problem)[1:-1],
         f"status        {result.status}: {message}",

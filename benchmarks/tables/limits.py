@@ -94,22 +94,22 @@ def _identified(model: Any, noise: Any, data: Any) -> Callable[[float], tuple[st
     return run
 
 
-def _linear_record(samples: int, seed: int, input_noise: float, noise: float) -> setid.IOData:
+def _linear_record(samples: int, seed: int, input_noise: float) -> setid.IOData:
     rng = np.random.default_rng(seed)
     u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
     for k in range(2, samples):
         y[k] = 0.7647 * y[k - 1] - 0.3012 * y[k - 2] + 0.3224 * u[k - 1] + 0.2141 * u[k - 2]
     wrong = rng.uniform(-1.0, 1.0, (2, samples))
-    return setid.IOData(u + input_noise * wrong[0], y + noise * wrong[1])
+    return setid.IOData(u + input_noise * wrong[0], y + 0.05 * wrong[1])
 
 
-def _hammerstein_record(samples: int, seed: int) -> setid.IOData:
-    rng = np.random.default_rng(seed)
-    u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
+def _hammerstein_record() -> setid.IOData:
+    rng = np.random.default_rng(2)
+    u, y = rng.uniform(-1, 1, 60), np.zeros(60)
     x = u + 0.4 * u**2
-    for k in range(2, samples):
+    for k in range(2, 60):
         y[k] = 0.6 * y[k - 1] - 0.2 * y[k - 2] + x[k] + 0.3 * x[k - 1]
-    return setid.IOData(u, y + rng.uniform(-0.05, 0.05, samples))
+    return setid.IOData(u, y + rng.uniform(-0.05, 0.05, 60))
 
 
 def _dense_cubic() -> Callable[[float], tuple[str, str]]:
@@ -157,18 +157,18 @@ def _control() -> Callable[[float], tuple[str, str]]:
 
 def _errors_in_variables() -> Callable[[float], tuple[str, str]]:
     model = setid.TransferFunction(na=2, nb=2, nk=1)
-    data = _linear_record(200, 0, 0.05, 0.05)
+    data = _linear_record(200, 0, 0.05)
     return _identified(model, setid.Noise(output=0.05, input=0.05), data)
 
 
 def _output_error() -> Callable[[float], tuple[str, str]]:
     model = setid.TransferFunction(na=2, nb=2, nk=1)
-    return _identified(model, setid.Noise(output=0.05), _linear_record(500, 1, 0.0, 0.05))
+    return _identified(model, setid.Noise(output=0.05), _linear_record(500, 1, 0.0))
 
 
 def _hammerstein() -> Callable[[float], tuple[str, str]]:
     model = setid.Hammerstein(setid.TransferFunction(na=2, nb=2, nk=0), 2, normalise="gamma1")
-    return _identified(model, setid.Noise(output=0.05), _hammerstein_record(60, 2))
+    return _identified(model, setid.Noise(output=0.05), _hammerstein_record())
 
 
 CASES: dict[str, Callable[[], Callable[[float], tuple[str, str]]]] = {

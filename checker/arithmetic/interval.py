@@ -25,24 +25,24 @@ _K = 1152  # the least positive double is 2**-1074
 
 
 def below(value: Fraction | float | int) -> End:
-    """A rational number rounded down; infinities stay."""
+    """Round a rational number down; infinities stay."""
     if value in (INF, -INF):
         return value
     return (Fraction(value) * (1 << _K)).__floor__()
 
 
 def above(value: Fraction | float | int) -> End:
-    """A rational number rounded up; infinities stay."""
+    """Round a rational number up; infinities stay."""
     return -below(-value)
 
 
 def exact(end: End) -> Any:
-    """What an end stands for, as a Fraction; infinities stay."""
+    """Take an end as a Fraction; infinities stay."""
     return end if end in (INF, -INF) else Fraction(end, 1 << _K)
 
 
 def scaled(value: int, exp: int) -> Interval:
-    """The number value * 2**exp."""
+    """Compute value * 2**exp."""
     shift = exp + _K
     if shift >= 0:
         return value << shift, value << shift
@@ -50,7 +50,7 @@ def scaled(value: int, exp: int) -> Interval:
 
 
 def times_end(a: End, b: End) -> End:
-    """The product of two ends, not rounded and not scaled; 0 times infinity is 0."""
+    """Multiply two ends, not rounded and not scaled; 0 times infinity is 0."""
     if not a or not b:
         return 0
     if a in (INF, -INF) or b in (INF, -INF):
@@ -59,25 +59,25 @@ def times_end(a: End, b: End) -> End:
 
 
 def times(x: Interval, y: Interval) -> Interval:
-    """The product; 0 times infinity is 0, as for limits of numbers."""
+    """Multiply; 0 times infinity is 0, as for limits of numbers."""
     ends = [times_end(a, b) for a in x for b in y]
     low, high = min(ends), max(ends)
     return (low if low == -INF else low >> _K), (high if high == INF else -(-high >> _K))
 
 
 def plus(x: Interval, y: Interval) -> Interval:
-    """The sum."""
+    """Add."""
     low = -INF if -INF in (x[0], y[0]) else x[0] + y[0]
     return low, (INF if INF in (x[1], y[1]) else x[1] + y[1])
 
 
 def minus(x: Interval, y: Interval) -> Interval:
-    """The difference."""
+    """Subtract."""
     return plus(x, (-y[1], -y[0]))
 
 
 def power(x: Interval, n: int) -> Interval:
-    """The range of z^n for z in x, n >= 1."""
+    """Enclose z^n for z in x, n >= 1."""
     if n == 1:
         return x
     low, high = (_powered(end, n) for end in x)
@@ -96,7 +96,7 @@ def _powered(end: End, n: int) -> Interval:
 
 
 def divided(a: End, b: End, up: bool) -> End:
-    """The quotient a / b for b > 0 or b = INF, rounded; b = 0 stands for a limit from above."""
+    """Divide a by b > 0 or INF, rounded; 0 stands for a limit."""
     if not a or b == INF:
         return 0
     if a in (INF, -INF) or not b:
@@ -105,7 +105,7 @@ def divided(a: End, b: End, up: bool) -> End:
 
 
 def quotient(target: Interval, divisor: Interval) -> Interval:
-    """The hull of all q with q * d in the target for some d in the divisor."""
+    """Enclose all q that some d in the divisor takes into the target."""
     (low, high), (d, e) = target, divisor
     if d < 0 < e or d == e == 0 or (low <= 0 <= high and d <= 0 <= e):
         return WHOLE
@@ -115,7 +115,7 @@ def quotient(target: Interval, divisor: Interval) -> Interval:
 
 
 def root_below(value: End, n: int) -> End:
-    """The n-th root of value >= 0, rounded down."""
+    """Compute the n-th root of value >= 0, rounded down."""
     if value == INF or n == 1:
         return value
     wanted = value << _K * (n - 1)
@@ -132,14 +132,14 @@ def root_below(value: End, n: int) -> End:
 
 
 def root_above(value: End, n: int) -> End:
-    """The n-th root of value >= 0, rounded up."""
+    """Compute the n-th root of value >= 0, rounded up."""
     found = root_below(value, n)
     whole = value == INF or found**n == value << _K * (n - 1)
     return found if whole else found + 1
 
 
 def roots(value: Interval, n: int, x: Interval) -> Interval:
-    """The hull of the z in x with z^n in value; lower end above upper end where there is none."""
+    """Enclose the z in x with z^n in value; ends cross where there is none."""
     low, high = value
     if n == 1:
         return value
@@ -157,7 +157,7 @@ def roots(value: Interval, n: int, x: Interval) -> Interval:
 
 
 def monomial_range(word: tuple[int, ...], box: Sequence[Interval]) -> Interval:
-    """The range of a monomial over a box."""
+    """Enclose a monomial over a box."""
     found: Interval = (1 << _K, 1 << _K)
     for variable, n in powers(word):
         found = times(found, power(box[variable], n))
@@ -165,7 +165,7 @@ def monomial_range(word: tuple[int, ...], box: Sequence[Interval]) -> Interval:
 
 
 def range_over(polynomial: Polynomial, box: Sequence[Interval]) -> Interval:
-    """Ends between which a polynomial lies over a box: the sum of the ranges of its terms."""
+    """Bound a polynomial over a box by the sum of the ranges of its terms."""
     found: Interval = ZERO
     for word, value in polynomial.terms.items():
         term = scaled(value, polynomial.exp)

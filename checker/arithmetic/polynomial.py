@@ -17,14 +17,14 @@ INF = float("inf")  # a mark for "no bound": it is compared and negated, nothing
 
 
 def dyadic(values: Sequence[float | Fraction]) -> tuple[list[int], int]:
-    """Integers and an exponent: value = integer * 2**exponent, for doubles and dyadic fractions."""
+    """Write doubles and dyadic fractions as integer * 2**exponent, with one exponent."""
     ratios = [value.as_integer_ratio() for value in values]
     bits = max((below.bit_length() - 1 for _, below in ratios), default=0)
     return [above << (bits - below.bit_length() + 1) for above, below in ratios], -bits
 
 
 def power_of_two(exponent: int) -> Fraction:
-    """2**exponent."""
+    """Compute 2**exponent."""
     return Fraction(1 << exponent) if exponent >= 0 else Fraction(1, 1 << -exponent)
 
 
@@ -39,13 +39,13 @@ class Polynomial:
 
     @staticmethod
     def of(words: Sequence[Word], values: Sequence[float | Fraction]) -> Polynomial:
-        """Distinct words with doubles as coefficients."""
+        """Collect distinct words with doubles as coefficients."""
         numbers, exp = dyadic(values)
         return Polynomial({w: c for w, c in zip(words, numbers, strict=True) if c}, exp)
 
     @staticmethod
     def affine(variable: int, slope: float, constant: float) -> Polynomial:
-        """The polynomial slope * x + constant."""
+        """Make the polynomial slope * x + constant."""
         return Polynomial.of([(variable,), ()], [slope, constant])
 
     def add(self, other: Polynomial, sign: int = 1) -> None:
@@ -59,7 +59,7 @@ class Polynomial:
             terms[word] = terms.get(word, 0) + sign * (value << shift)
 
     def times(self, other: Polynomial) -> Polynomial:
-        """The product."""
+        """Multiply by another polynomial."""
         found: dict[Word, int] = {}
         for left, a in self.terms.items():
             for right, b in other.terms.items():
@@ -68,16 +68,16 @@ class Polynomial:
         return Polynomial(found, self.exp + other.exp)
 
     def coefficient(self, word: Word = ()) -> Fraction:
-        """The coefficient of a word."""
+        """Find the coefficient of a word."""
         return self.terms.get(word, 0) * power_of_two(self.exp)
 
     def open(self) -> dict[Word, Fraction]:
-        """All words but 1 with a coefficient that is not zero."""
+        """List all words but 1 with a coefficient that is not zero."""
         unit = power_of_two(self.exp)
         return {word: value * unit for word, value in self.terms.items() if value and word}
 
     def at(self, x: Sequence[Fraction]) -> Fraction:
-        """The value at a rational point."""
+        """Evaluate at a rational point."""
         total = Fraction(0)
         for word, value in self.terms.items():
             term = Fraction(value)
@@ -87,7 +87,7 @@ class Polynomial:
         return total * power_of_two(self.exp)
 
     def derivative(self, variable: int) -> Polynomial:
-        """The partial derivative with respect to a variable, counted from 1."""
+        """Differentiate with respect to a variable, counted from 1."""
         found: dict[Word, int] = {}
         for word, value in self.terms.items():
             count = word.count(variable)
@@ -98,7 +98,7 @@ class Polynomial:
 
 
 def total(parts: Iterable[Polynomial]) -> Polynomial:
-    """The sum."""
+    """Sum polynomials."""
     found = Polynomial()
     for part in parts:
         found.add(part)
@@ -106,7 +106,7 @@ def total(parts: Iterable[Polynomial]) -> Polynomial:
 
 
 def powers(word: Word) -> list[tuple[int, int]]:
-    """The variables of a word, counted from 0, with their powers."""
+    """List the variables of a word, counted from 0, with their powers."""
     return [(letter - 1, len(list(run))) for letter, run in groupby(word)]
 
 
@@ -131,7 +131,7 @@ class Substitution:
         return self._powers[key]
 
     def into(self, polynomial: Polynomial) -> Polynomial:
-        """The polynomial in t."""
+        """Substitute to a polynomial in t."""
         found = Polynomial()
         for word, value in polynomial.terms.items():
             term = Polynomial({(): value}, polynomial.exp)

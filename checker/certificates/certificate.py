@@ -25,7 +25,7 @@ ARGUMENTS: dict[str, Any] = {
 
 
 def tagged(found: Any, n: int, place: str, kinds: dict[str, Any]) -> Any:
-    """An object of one of several kinds, by its name."""
+    """Read an object of one of several kinds, by its name."""
     name = item(found, "is", place)
     if not isinstance(name, str) or name not in kinds:
         raise Malformed(f"{place}.is: {name!r:.40} is not one of {', '.join(kinds)}")
@@ -33,7 +33,7 @@ def tagged(found: Any, n: int, place: str, kinds: dict[str, Any]) -> Any:
 
 
 def argument_of(found: Any, n: int, place: str) -> Any:
-    """Multipliers of one of four kinds, or none."""
+    """Read multipliers of one of four kinds, or none."""
     return None if found is None else tagged(found, n, place, ARGUMENTS)
 
 
@@ -47,7 +47,7 @@ class Replay:
         self._rows: dict[bool, Rows] = {}
 
     def rows(self, uses_cutoff: bool) -> Rows:
-        """The rows of propagation, with the row of the cutoff or without."""
+        """List the rows of propagation, with the row of the cutoff or without."""
         if uses_cutoff not in self._rows:
             found = [
                 BoxRow(c.polynomial, (0, 0 if c.equality else INF))
@@ -84,7 +84,7 @@ class Replay:
         return Rows(found, sorted(minors))
 
     def system(self, cutoff: Fraction | None) -> list[Row]:
-        """What generators 1, 2, ... are: the constraints, and cutoff - f >= 0 behind them."""
+        """List generators 1, 2, ...: the constraints, and cutoff - f >= 0 behind them."""
         found = [Row(c.polynomial, c.equality) for c in self.problem.constraints]
         if cutoff is not None:
             room = constant(cutoff)
@@ -93,7 +93,7 @@ class Replay:
         return found
 
     def fits(self, scaling: Any, box: Box, what: str) -> bool:
-        """Whether a box lies in that of a scaling; a remark where it does not."""
+        """Check whether a box lies in that of a scaling; remark where it does not."""
         good = scaling.holds([(iv.exact(low), iv.exact(high)) for low, high in box.ends])
         self.notes += [] if good else [f"{what} is about a smaller box"]
         return bool(good)
@@ -101,7 +101,7 @@ class Replay:
     def bounds(
         self, argument: Any, box: Box, cutoff: Fraction | None, asked: list[Polynomial], what: str
     ) -> list[Any]:
-        """What an argument proves of objectives on a box, -INF where that is nothing."""
+        """Bound objectives on a box by an argument, -INF where it proves nothing."""
         if isinstance(argument, ExactGram):
             return [argument.prove(objective) for objective in asked]
         exact = isinstance(argument, ExactDual)
@@ -119,12 +119,12 @@ class Replay:
 
 
 def constant(value: Fraction) -> Polynomial:
-    """A double as a polynomial."""
+    """Make a double a polynomial."""
     return Polynomial({(): value.numerator}, 1 - value.denominator.bit_length())
 
 
 def squares_constant(problem: Problem) -> Fraction | None:
-    """The constant of objective = constant + sum of weight * p^2, None if that does not hold."""
+    """Find the constant beside the objective's sum of weight * p^2, None without one."""
     rest = Polynomial(dict(problem.objective.terms), problem.objective.exp)
     for weight, p in problem.squares:
         rest.add(p.times(p).times(constant(weight)), -1)
@@ -357,7 +357,7 @@ class Certificate:
         below([quoted for _, _, quoted in self.quotes], own, f"{place}: a quoted certificate")
 
     def prove(self, problem: Problem, holds: Holds) -> tuple[Any, list[str]]:
-        """The lower bound that the argument proves, and what may be wrong where it is weak."""
+        """Prove the lower bound of the argument; say what makes it weak."""
         replay = Replay(problem, self.cutoff, holds)
         ends = zip(problem.lower, problem.upper, strict=True)
         stack = [(self.parts[0], Box([(iv.below(a), iv.above(b)) for a, b in ends]))]
@@ -414,7 +414,7 @@ class Certificates:
         self._proved: dict[tuple[int, int, int], Fraction | None] = {}
 
     def prove(self) -> tuple[Any, list[str]]:
-        """The bound that the last one proves for the problem, and why it may be weak."""
+        """Prove the last one's bound of the problem; say what makes it weak."""
         needed = set(self.list[-1].quotes)
         for k in range(len(self.list) - 1, -1, -1):
             if any(quoted == k for _, _, quoted in needed):
@@ -427,5 +427,5 @@ class Certificates:
         return self.list[-1].prove(self.problem, self.holds)
 
     def holds(self, quoted: int, variable: int, side: int) -> Fraction | None:
-        """The claim of a quoted certificate about side * x_variable, None if not proved."""
+        """Take a quoted certificate's proved claim about side * x_variable, None without one."""
         return self._proved[quoted, variable, side]

@@ -23,12 +23,12 @@ class ExactDual:
         self.terms = list(zip(got.row, got.word, got.value, strict=True))
 
     def holds(self, ends: list[tuple[Any, Any]]) -> bool:
-        """Whether a box lies within the bounds that are assumed."""
+        """Check whether a box lies within the bounds that are assumed."""
         sides = zip(ends, self.lower, self.upper, strict=True)
         return all(a <= low and high <= b for (low, high), a, b in sides)
 
     def prove(self, rows: list[Row], objective: Polynomial) -> Any:
-        """The lower bound within the bounds assumed, -INF where nothing is proved."""
+        """Prove the lower bound within the bounds assumed, -INF where nothing is proved."""
         m, n = len(rows), len(self.lower)
         below([row for row, _, _ in self.terms], m + 2 * n, f"{self.place}.row")
         rest: dict[Word, Fraction] = {}

@@ -13,7 +13,7 @@ Rows = dict[int, dict[int, Fraction]]
 
 
 def eliminated(rows: Rows, last: int | None, pair: Callable[[Fraction], None]) -> bool:
-    """Whether a symmetric matrix, given by its rows, is positive semidefinite but for one row.
+    """Check whether a symmetric matrix is positive semidefinite but for one row.
 
     Rows other than ``last`` are eliminated. What each elimination takes from the diagonal entry
     of row ``last`` goes to ``pair``.
@@ -50,7 +50,7 @@ def add(rows: Rows, i: int, j: int, value: Fraction) -> None:
 
 
 def semidefinite(matrix: list[list[Fraction]]) -> bool:
-    """Whether a symmetric matrix of rationals is positive semidefinite."""
+    """Check whether a symmetric matrix of rationals is positive semidefinite."""
     rows = {i: {j: v for j, v in enumerate(row) if v} for i, row in enumerate(matrix)}
     return eliminated(rows, None, lambda _: None)
 
@@ -71,11 +71,11 @@ class ExactGram:
             raise Malformed(f"{place}.basis: the constant has to be the first word and no other")
 
     def prove(self, objective: Polynomial) -> Any:
-        """The lower bound of the objective over all of space, -INF where nothing is proved."""
+        """Prove the lower bound of the objective over all space, -INF without one."""
         return self.below(objective.open(), objective.coefficient())
 
     def below(self, rest: dict[tuple[int, ...], Fraction], constant: Fraction) -> Any:
-        """The same of a polynomial: its words but 1, which are used up, and its constant."""
+        """Prove the same of a polynomial's words but 1, which are used up, and constant."""
         rows: Rows = {i: {} for i in range(len(self.basis))}
         taker: dict[tuple[int, ...], tuple[int, int]] = {}
         for i, j, value in self.entries:

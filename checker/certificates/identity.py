@@ -52,7 +52,7 @@ class Scaling:
         self.substitution = Substitution(self.centre, self.scale)
 
     def holds(self, ends: list[Range]) -> bool:
-        """Whether the box of x with these ends lies in centre + scale * [low, high]."""
+        """Check whether the box of x lies in centre + scale * [low, high]."""
         for v, (low, high) in enumerate(ends):
             centre, scale = Fraction(self.centre[v]), Fraction(self.scale[v])
             if self.low[v] != -INF and centre + scale * Fraction(self.low[v]) > low:
@@ -103,11 +103,11 @@ class Generators:
         return above.times(under)
 
     def equality(self, k: int) -> bool:
-        """Whether a generator is zero on the feasible set and may have a free multiplier."""
+        """Check whether a generator is zero on the feasible set: its multiplier is free."""
         return 1 <= k <= len(self.rows) and self.rows[k - 1].equality
 
     def sign_of(self, k: int) -> Word | None:
-        """The word that a generator is up to its sign: () for 1, (v,) for t_v or -t_v."""
+        """Find a generator's word up to its sign: () for 1, (v,) for +-t_v."""
         if k == 0:
             return ()
         family, v = divmod(k - 1 - len(self.rows), len(self.scaling.centre))
@@ -119,14 +119,14 @@ class Generators:
 
 
 def cost(terms: dict[Word, Fraction]) -> Fraction:
-    """An upper bound of -(sum of c w) for words w in variables of [-1, 1], none of them 1."""
+    """Bound -(sum of c w) from above, words w in variables of [-1, 1]."""
     odd = {word: any(n % 2 for _, n in powers(word)) for word in terms}
     sizes = (abs(c) if odd[word] else max(-c, Fraction(0)) for word, c in terms.items())
     return sum(sizes, Fraction(0))
 
 
 def linear(word: Word, value: float) -> Polynomial:
-    """A double times a monomial."""
+    """Make a double times a monomial."""
     return Polynomial.of([word], [value])
 
 
@@ -146,7 +146,7 @@ class Group:
             raise Malformed(f"{place}: floor {got.floor}, an empty block, or a free matrix")
 
     def gram(self, k: int) -> Polynomial:
-        """L L' + floor * identity of block k: the words are places (i, j) with i >= j."""
+        """Compute L L' + floor * identity of block k, by places (i, j)."""
         flat, exp = dyadic([v for row in self.values[k] for v in row])
         size = len(self.values[k])
         width = len(flat) // size
@@ -193,7 +193,7 @@ class Identity:
     def prove(
         self, rows: list[Row], constraints: list[Constraint], objective: Polynomial
     ) -> Proved:
-        """The bound of the objective on the box of the scaling.
+        """Prove the bound of the objective on the box of the scaling.
 
         ``rows`` are what generators 1, 2, ... are; ``constraints`` hold the matrices.
         """
@@ -292,7 +292,7 @@ class LinearDual:
         self.scaling: Scaling = self.given.scaling
 
     def prove(self, rows: list[Row], objectives: list[Polynomial]) -> list[Any]:
-        """The bound of each objective on the box of the scaling, -INF for none."""
+        """Prove each objective's bound on the box of the scaling, -INF for none."""
         got = self.given
         made = Generators(rows, got)
         below(got.generator, made.count, f"{got.where}.generator")

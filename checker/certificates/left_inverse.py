@@ -20,7 +20,7 @@ def reached(
     centre: Sequence[float],
     radius: Sequence[Any],
 ) -> list[Fraction]:
-    """G radius + d; the rest r of a row stands behind its coefficients.
+    """Compute G radius + d; the rest r of a row stands behind its coefficients.
 
     Where it is below the radius, |theta - centre| <= radius for each solution theta.
     """
@@ -46,13 +46,13 @@ def contracts(
     centre: list[float],
     radius: list[float],
 ) -> bool:
-    """Whether |theta - centre| <= radius is proved."""
+    """Check whether |theta - centre| <= radius is proved."""
     pairs = zip(reached(inverse, table, centre, radius), radius, strict=True)
     return all(total < reach for total, reach in pairs)
 
 
 def dot(weights: list[int], column: list[Interval]) -> Interval:
-    """The sum of whole numbers times intervals, exactly."""
+    """Sum whole numbers times intervals, exactly."""
     pairs = [
         (c * low, c * high) if c >= 0 else (c * high, c * low)
         for c, (low, high) in zip(weights, column, strict=True)
@@ -61,5 +61,5 @@ def dot(weights: list[int], column: list[Interval]) -> Interval:
 
 
 def size(x: Interval) -> int:
-    """The largest absolute value in an interval."""
+    """Find the largest absolute value in an interval."""
     return max(abs(x[0]), abs(x[1]))

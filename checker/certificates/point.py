@@ -37,7 +37,7 @@ class ProvedPoint:
             raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
 
     def fails(self) -> str:
-        """Why the claims about the point are not proved; empty where they are."""
+        """Tell why claims about the point are not proved; empty where they are."""
         if self.proof == "exact":
             return self._exactly()
         if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
@@ -51,7 +51,7 @@ class ProvedPoint:
     # ---- rational points ------------------------------------------------------------------
 
     def coordinates(self) -> list[Fraction] | None:
-        """The rational point: x, the rows solved for some variables; None if they are not."""
+        """Solve the rows for some variables: the rational point x, None without one."""
         solution = solved_linearly(self.problem, self.rows, self.solved, self.x)
         if solution is None:
             return None
@@ -201,7 +201,7 @@ def _semidefinite_over(c: Constraint, box: list[Interval]) -> bool:
 def solved_linearly(
     problem: Problem, rows: list[int], solved: list[int], x: list[Fraction]
 ) -> dict[int, Fraction] | None:
-    """The solution of equations that are linear in some variables, the others being x."""
+    """Solve equations that are linear in some variables, the others being x."""
     table: list[dict[int, Fraction]] = []  # key -1: the constant
     for k in rows:
         p, row = problem.constraints[k].polynomial, dict[int, Fraction]()
@@ -247,7 +247,7 @@ def _solution(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
 
 
 def infeasible(problem: Problem, x: list[Fraction]) -> str:
-    """Why a rational point is not feasible; empty where it is."""
+    """Tell why a rational point is not feasible; empty where it is."""
     for v, (value, low, high) in enumerate(zip(x, problem.lower, problem.upper, strict=True)):
         if not low <= value <= high:
             return f"variable {v + 1} leaves its bounds"
@@ -261,7 +261,7 @@ def infeasible(problem: Problem, x: list[Fraction]) -> str:
 
 
 def entries_hold(c: Constraint, values: list[Fraction]) -> bool:
-    """Whether the matrix with these entries is positive semidefinite."""
+    """Check whether the matrix with these entries is positive semidefinite."""
     if c.kind == "SECOND_ORDER":
         rest = sum((v * v for v in values[1:]), Fraction(0))
         return values[0] >= 0 and values[0] ** 2 >= rest
@@ -273,7 +273,7 @@ def entries_hold(c: Constraint, values: list[Fraction]) -> bool:
 
 
 def falls_without_limit(problem: Problem, point: ProvedPoint, ray: list[Fraction] | None) -> bool:
-    """Whether the objective falls along a feasible ray from the point, as given or found."""
+    """Check whether the objective falls along a feasible ray from the point, given or found."""
     origin = None if point.proof != "exact" or point.fails() else point.coordinates()
     if origin is None or (ray is not None and len(ray) != len(origin)):
         return False

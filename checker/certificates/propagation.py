@@ -33,7 +33,7 @@ class Box:
         self.stale = {False: set(every), True: set(every)} if stale is None else stale
 
     def copy(self) -> Box:
-        """The same box, to be changed apart."""
+        """Copy the box, to be changed apart."""
         return Box(list(self.ends), {key: set(value) for key, value in self.stale.items()})
 
     def shrink(self, variable: int, low: End, high: End) -> None:
@@ -70,7 +70,7 @@ class Row:
         self.branches = any(n % 2 == 0 for _, factors in self.terms for _, n in factors)
 
     def matters(self, stale: set[int]) -> bool:
-        """Whether it may say more than it did before these variables changed.
+        """Check whether it may say more than before these variables changed.
 
         A constant that is not in ``target`` leaves no point, whatever has changed.
         """
@@ -87,7 +87,7 @@ class Rows:
         self.minors = minors
 
     def sweep(self, box: Box, uses_cutoff: bool) -> None:
-        """One sweep, in place; the box is empty where it proves that it holds no point."""
+        """Sweep once, in place; the box is empty where no point is left."""
         stale = box.stale[uses_cutoff]
         chosen = [r for r in self.rows if self.minors or r.matters(stale)]
         box.stale[uses_cutoff] = set()

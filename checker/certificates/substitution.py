@@ -18,7 +18,7 @@ SMALL = 70  # an enclosure is less wide than 2**-SMALL
 def substituted(
     rows: list[Polynomial], solved: list[int], x: list[Fraction], first: list[Fraction]
 ) -> list[tuple[Fraction, Fraction]] | None:
-    """For each variable of ``solved`` in turn, ends between which its row makes it lie.
+    """Enclose each variable of ``solved`` in turn by its row.
 
     The first variables are known.
     """
@@ -32,7 +32,7 @@ def substituted(
 
 
 def blocks(rows: list[Polynomial], solved: list[int]) -> list[int]:
-    """Bounds of the first blocks of rows, from 0 to the end of the last one of several rows.
+    """Bound the first blocks of rows, to the end of the last with several rows.
 
     A block is as short as can be without a variable of a later one.
     """

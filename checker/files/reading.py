@@ -47,7 +47,7 @@ class Constraint:
         return (isqrt(8 * count + 1) - 1) // 2 if self.kind == "PSD" else count
 
     def place(self, i: int, j: int) -> int:
-        """Which entry stands in row i and column j, -1 for a zero."""
+        """Find which entry stands in row i and column j, -1 for a zero."""
         i, j = max(i, j), min(i, j)
         if self.kind == "PSD":
             return i * (i + 1) // 2 + j
@@ -68,7 +68,7 @@ class Problem:
     sense: str = "min"
 
     def about(self, variable: int, side: int) -> Problem:
-        """The problem with the objective side * x_variable over the same feasible set."""
+        """Replace the objective by side * x_variable over the same feasible set."""
         objective = Polynomial({(variable + 1,): side})
         given = self.constraints, self.lower, self.upper, self.names
         return Problem(self.dimension, objective, *given)
@@ -78,7 +78,7 @@ class Problem:
 
 
 def load(path: str | Path) -> Any:
-    """A JSON text, without names twice in one object and without NaN and Infinity."""
+    """Load a JSON text; refuse names twice in one object, NaN and Infinity."""
 
     def distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(found := dict(pairs)) < len(pairs):
@@ -96,7 +96,7 @@ def load(path: str | Path) -> Any:
 
 
 def content(found: Any, place: str) -> tuple[str, Any]:
-    """The kind of a file and what it holds, if its format and version are known."""
+    """Read the kind of a file and what it holds, of a known version."""
     name = text(item(found, "format", place), f"{place}.format")
     version = whole(item(found, "version", place), f"{place}.version")
     if version not in VERSIONS.get(name, ()):
@@ -124,14 +124,14 @@ def modernise(found: Any) -> None:
 
 
 def item(found: Any, name: str, place: str) -> Any:
-    """A field of an object."""
+    """Take a field of an object."""
     if not isinstance(found, dict) or name not in found:
         raise Malformed(f"{place}: there is no field {name!r}")
     return found[name]
 
 
 def finite(found: Any, place: str) -> float:
-    """A double that is finite."""
+    """Check a double that is finite."""
     try:
         if type(found) in (int, float) and isfinite(value := float(found)):
             return value
@@ -141,14 +141,14 @@ def finite(found: Any, place: str) -> float:
 
 
 def number(found: Any, place: str) -> Any:
-    """A double as a Fraction, or one of the strings "inf" and "-inf" as INF or -INF."""
+    """Read a double as a Fraction, or the strings "inf" and "-inf" as INF, -INF."""
     if found in ("inf", "-inf"):
         return INF if found == "inf" else -INF
     return Fraction(finite(found, place))
 
 
 def unit(found: Any) -> Fraction:
-    """A positive power of two."""
+    """Read a positive power of two."""
     value = Fraction(finite(found, "units"))
     above, below = value.numerator, value.denominator
     if value <= 0 or above & (above - 1) or below & (below - 1):
@@ -157,12 +157,12 @@ def unit(found: Any) -> Fraction:
 
 
 def times(value: Any, unit: Fraction) -> Any:
-    """An end in units as one in the units of the record."""
+    """Convert an end from units to those of the record."""
     return value if value in (INF, -INF) else value * unit
 
 
 def rational(found: Any, place: str) -> Fraction:
-    """A fraction as a text, such as "-3/7"."""
+    """Read a fraction from a text, such as "-3/7"."""
     try:
         above, _, below = text(found, place).partition("/")
         return Fraction(int(above), int(below or "1"))
@@ -171,7 +171,7 @@ def rational(found: Any, place: str) -> Fraction:
 
 
 def of_type(kind: type) -> Callable[[Any, str], Any]:
-    """A value of exactly that type."""
+    """Check that a value is of exactly that type."""
 
     def read(found: Any, place: str) -> Any:
         if type(found) is not kind or (isinstance(found, str) and not found.isprintable()):
@@ -186,7 +186,7 @@ READERS = {"f": finite, "F": number, "i": whole, "b": flag, "t": text, "l": item
 
 
 def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
-    """An array as nested lists: of finite (f) or any (F) doubles, whole numbers (i), flags (b)."""
+    """Read nested lists of finite (f) or any (F) doubles, integers (i), flags (b)."""
     name = text(item(found, "type", place), f"{place}.type")
     shape = [whole(n, f"{place}.shape") for n in items(item(found, "shape", place), place)]
     data = items(item(found, "data", place), f"{place}.data")
@@ -201,7 +201,7 @@ def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
 
 
 def nested(values: list[Any], shape: list[int]) -> list[Any]:
-    """A flat list as lists of lists."""
+    """Convert a flat list to lists of lists."""
     if len(shape) == 1:
         return values
     size = len(values) // shape[0] if shape[0] else 0
@@ -210,14 +210,14 @@ def nested(values: list[Any], shape: list[int]) -> list[Any]:
 
 
 def words(rows: list[list[int]], n: int, place: str) -> list[Word]:
-    """Rows of letters as words in n variables."""
+    """Read rows of letters as words in n variables."""
     if any(not 0 <= letter <= n for row in rows for letter in row):
         raise Malformed(f"{place}: a variable outside 1..{n}")
     return [tuple(sorted(letter for letter in row if letter)) for row in rows]
 
 
 def fields(found: Any, place: str, n: int, /, **kinds: Any) -> Any:
-    """The fields of an object, by what they have to be.
+    """Read the fields of an object, by what they have to be.
 
     A kind is a letter of ``READERS``; with a digit an array of that rank; "w" and a digit an array
     of words in n variables; or a class or function of (found, n, place). "?" allows null.
@@ -257,7 +257,7 @@ def below(values: list[int], stop: int, place: str) -> None:
 
 
 def polynomial(found: Any, n: int, place: str) -> Polynomial:
-    """A polynomial in n variables; its words have to be distinct."""
+    """Read a polynomial in n variables; its words have to be distinct."""
     got = fields(found, place, n, dimension="i", words="w2", coefficients="f1")
     alike(place, got.words, got.coefficients)
     if got.dimension != n or len(set(got.words)) < len(got.words):
@@ -266,12 +266,12 @@ def polynomial(found: Any, n: int, place: str) -> Polynomial:
 
 
 def polynomials(found: Any, n: int, place: str) -> list[Polynomial]:
-    """A list of polynomials."""
+    """Read a list of polynomials."""
     return [polynomial(p, n, f"{place}[{k}]") for k, p in enumerate(items(found, place))]
 
 
 def constraint(found: Any, n: int, place: str) -> Constraint:
-    """A constraint of a problem in n variables."""
+    """Read a constraint of a problem in n variables."""
     got = fields(found, place, n, kind="t", polynomial=polynomial, entries=polynomials)
     made = Constraint(got.kind, got.polynomial, got.entries)
     matrix = made.kind in ("SECOND_ORDER", "PSD")
@@ -282,14 +282,14 @@ def constraint(found: Any, n: int, place: str) -> Constraint:
 
 
 def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
-    """A weight >= 0 and a polynomial."""
+    """Read a weight >= 0 and a polynomial."""
     if len(items(found, place)) != 2 or not (weight := finite(found[0], place)) >= 0:
         raise Malformed(f"{place}: not a weight >= 0 and a polynomial")
     return Fraction(weight), polynomial(found[1], n, place)
 
 
 def problem(found: Any, place: str = "problem") -> Problem:
-    """A problem."""
+    """Read a problem."""
     n = whole(item(item(found, "objective", place), "dimension", place), place)
     kinds = {"constraints": "l", "lower": "F1", "upper": "F1", "names": "l", "squares": "l"}
     got = fields(found, place, n, objective=polynomial, sense="t", **kinds)

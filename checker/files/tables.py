@@ -13,7 +13,7 @@ MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
 
 
 def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], list[list[Any]]]:
-    """Names (or none) and columns; without a header it is one line if that holds a word."""
+    """Read names (or none) and columns; a first line with a word is a header."""
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
@@ -33,7 +33,7 @@ def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], li
 
 
 def reading(field: str, decimal: str) -> Any:
-    """A reading, None where it is missing, "no" where it is something else."""
+    """Read a reading: None where it is missing, "no" where it is something else."""
     if field.lower() in MISSING:
         return None
     if decimal == ",":

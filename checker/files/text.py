@@ -49,14 +49,14 @@ class Expression:
         self.source, self.place = source, 0
 
     def polynomial(self) -> Polynomial:
-        """The polynomial of the whole text."""
+        """Read the polynomial of the whole text."""
         found = self.sum()
         if self.place < len(self.tokens):
             raise Malformed(f"{self.source!r:.60}: no end after {self.tokens[self.place][1]!r}")
         return found
 
     def take(self, *marks: str) -> str:
-        """The next token if it is one of these marks, else an empty text."""
+        """Take the next token if it is one of these marks, else an empty text."""
         if self.place < len(self.tokens) and self.tokens[self.place] in [
             ("mark", m) for m in marks
         ]:
@@ -65,7 +65,7 @@ class Expression:
         return ""
 
     def sum(self) -> Polynomial:
-        """Products with + and - between them."""
+        """Read products with + and - between them."""
         found, sign = Polynomial(), -1 if self.take("+", "-") == "-" else 1
         while True:
             found.add(self.product(), sign)
@@ -75,7 +75,7 @@ class Expression:
             sign = -1 if mark == "-" else 1
 
     def product(self) -> Polynomial:
-        """Powers with * and / between them."""
+        """Read powers with * and / between them."""
         found = self.power()
         while mark := self.take("*", "/"):
             other = self.power()
@@ -83,7 +83,7 @@ class Expression:
         return found
 
     def quotient(self, found: Polynomial, other: Polynomial) -> Polynomial:
-        """A quotient by a number."""
+        """Divide by a number."""
         below = other.coefficient()
         if other.open() or not below:
             raise Malformed(f"{self.source!r:.60}: a quotient by more than a number")
@@ -95,7 +95,7 @@ class Expression:
         return found.times(Polynomial.of([()], [inverse]))
 
     def power(self) -> Polynomial:
-        """A number, a name or a parenthesis, perhaps with an exponent."""
+        """Read a number, a name or a parenthesis, perhaps with an exponent."""
         if mark := self.take("+", "-"):
             found = Polynomial()
             found.add(self.power(), -1 if mark == "-" else 1)
@@ -113,7 +113,7 @@ class Expression:
         return found
 
     def atom(self) -> Polynomial:
-        """A number, a name or a parenthesis."""
+        """Read a number, a name or a parenthesis."""
         if self.take("("):
             found = self.sum()
             if not self.take(")"):
@@ -132,7 +132,7 @@ class Expression:
 
 
 def relations(source: str, letters: dict[str, int]) -> list[Constraint]:
-    """A relation, or a chain of two, as constraints."""
+    """Read a relation, or a chain of two, as constraints."""
     pieces = RELATION.split(source)
     sides = [Expression(piece, letters).polynomial() for piece in pieces[0::2]]
     found = []
@@ -148,13 +148,13 @@ def relations(source: str, letters: dict[str, int]) -> list[Constraint]:
 
 
 def natural(name: str) -> list[Any]:
-    """A key that sorts x2 before x10."""
+    """Make a key that sorts x2 before x10."""
     parts = re.split(r"(\d+)", name)
     return [(int(p), "") if p.isdecimal() else (-1, p) for p in parts if p]
 
 
 def problem_of(path: str) -> Problem:
-    """The problem that a text or a .gms file states."""
+    """Read the problem that a text or a .gms file states."""
     try:
         source = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -165,7 +165,7 @@ def problem_of(path: str) -> Problem:
 def made(
     objective: Polynomial, rows: list[Constraint], bounds: list[Any], names: list[str], sense: str
 ) -> Problem:
-    """A problem; the objective of a maximisation is negated."""
+    """Make a problem; the objective of a maximisation is negated."""
     least = Polynomial()
     least.add(objective, -1 if sense == "max" else 1)
     lower, upper = [list(ends) for ends in zip(*bounds, strict=True)]
@@ -173,7 +173,7 @@ def made(
 
 
 def of_text(source: str) -> Problem:
-    """A problem like ``min x1*x2; s.t. x1^2 + x2^2 <= 1; x1 >= 0``."""
+    """Read a problem like ``min x1*x2; s.t. x1^2 + x2^2 <= 1; x1 >= 0``."""
     pieces = [p.strip() for p in BREAK.split(source)]
     pieces = [SUCH_THAT.sub("", p).strip() for p in pieces]
     aims = [p for p in pieces if AIM.match(p)]
@@ -195,7 +195,7 @@ def of_text(source: str) -> Problem:
 
 
 def of_gms(source: str) -> Problem:
-    """A problem in the scalar format of GAMS: variables, equations, bounds, a solve statement."""
+    """Read GAMS's scalar format: variables, equations, bounds, a solve statement."""
     lines = [line for line in source.splitlines() if not line.startswith("*")]
     names: list[str] = []
     kinds: dict[str, str] = {}

@@ -118,7 +118,7 @@ class Multipliers:
         return got.power, values
 
     def family(self, leaf: Leaf, cone: Cone) -> tuple[list[list[int]], int]:
-        """Multipliers of a leaf as whole numbers times one power of two."""
+        """Read multipliers of a leaf as whole numbers times one power of two."""
         below(leaf.family, len(self.table), "box.family")
         alike("box.family", leaf.family, cone)
         chosen = [self.table[m] for m in leaf.family]
@@ -126,11 +126,11 @@ class Multipliers:
         return [[v << power - least for v in values] for power, values in chosen], least
 
     def products(self, multiplier: list[int]) -> list[int]:
-        """Products with the columns."""
+        """Multiply with the columns."""
         return [sum(map(mul, multiplier, column)) for column in self.rows.columns]
 
     def losses(self, rest: list[int]) -> list[int]:
-        """What correcting products may change for each abs(a_i), rounded up."""
+        """Bound what correcting products may change for each abs(a_i), rounded up."""
         rows, found = self.rows, []
         far = [sum(a * abs(r) for a, r in zip(line, rest, strict=True)) for line in self.inverse]
         for i in range(rows.order + 1):
@@ -156,7 +156,7 @@ def _inverse(matrix: list[list[Fraction]]) -> list[list[Fraction]]:
 
 
 def first_cones(order: int, stable: bool) -> list[Cone]:
-    """Cones of the coefficients of (1 - q)^j (1 + q)^(n - j), with all signs where needed."""
+    """Write cones of (1 - q)^j (1 + q)^(n - j), with signs where needed."""
     basis = []
     for j in range(order + 1):
         vector = [1]
@@ -171,7 +171,7 @@ def first_cones(order: int, stable: bool) -> list[Cone]:
 
 
 def minor(cone: Cone, r: int, j: int, k: int) -> int:
-    """H_r polarised at two vectors of a cone: 2^2n times the products of Hurwitz coefficients."""
+    """Polarise H_r at two vectors of a cone, 2^2n times the Hurwitz products."""
     basis = list(zip(*first_cones(len(cone) - 1, True)[0], strict=True))
     one, two = ([sum(map(mul, cone[m], column)) for column in basis] for m in (j, k))
     inner = one[r] * two[r + 1] + two[r] * one[r + 1]
@@ -182,7 +182,7 @@ Gain = tuple[int, int, Fraction]  # number of its column, sign, the upper end
 
 
 def holds(table: Multipliers, leaf: Leaf, cone: Cone, stable: bool, gain: Gain | None) -> bool:
-    """Whether every pair of vectors asks for more than noise; where it is given, with a gain."""
+    """Check whether every pair of vectors asks for more than noise, or a gain."""
     rows, size = table.rows, len(cone)
     alike("box.powers", leaf.powers, cone)
     if any(abs(power) > 1100 for power in leaf.powers):
@@ -222,7 +222,7 @@ class Sides:
             self.filtered.append([[_sum(v, part) for part in parts] for v in vectors])
 
     def left(self, j: int, k: int) -> Fraction:
-        """What is left for a pair."""
+        """Compute what is left for a pair."""
         both = list(map(int.__add__, self.filtered[k][j], self.filtered[j][k]))
         found = Fraction(_sum(both, self.rows.y) - _sum(map(abs, both), self.rows.noise))
         for one, two in ((j, k), (k, j)):
@@ -242,7 +242,7 @@ def _sum(one: Iterable[int], two: Iterable[int]) -> int:
 
 
 def upright(cone: Cone) -> Cone | None:
-    """The cone or its negative, whichever has vectors that all begin with a positive number."""
+    """Turn a cone so that its vectors all begin with a positive number."""
     for turned in (cone, [[-v for v in line] for line in cone]):
         if all(line[0] > 0 for line in turned):
             return turned
@@ -264,7 +264,7 @@ class Tree:
             self.limits.setdefault(place, []).append(limit)
 
     def leaves(self, ends: Ends) -> Iterator[Ends]:
-        """Boxes of the leaves that are left."""
+        """List boxes of the leaves that are left."""
         firsts = first_cones(self.rows.order, self.stable)
         waiting, seen = [(n, cone, ends) for n, cone in enumerate(firsts)], set[int]()
         kinds = dict.fromkeys(("children", "edge", "weights", "family", "powers", "minors"), "l")
@@ -316,7 +316,7 @@ class Tree:
 
 
 def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """The hull of what is left of a tree of cones, on each of which gains are bounded."""
+    """Enclose what is left of a tree of cones, with gains bounded on each."""
     tree = Tree(step, rows)
     if tree.stable:
         text = f"given: the poles of output {tree.got.output} lie in the closed unit disc"

@@ -19,12 +19,12 @@ Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
 
 
 def nothing(ends: Ends) -> bool:
-    """Whether a box is empty."""
+    """Check whether a box is empty."""
     return any(a > b for a, b in zip(*ends, strict=True))
 
 
 def met(ends: Ends, low: list[Any], high: list[Any]) -> Ends:
-    """The intersection with another box."""
+    """Intersect with another box."""
     lows = [max(pair) for pair in zip(ends[0], low, strict=True)]
     return [lows, [min(pair) for pair in zip(ends[1], high, strict=True)]]
 
@@ -38,7 +38,7 @@ def move(box: Ends, v: int, side: int, least: Any) -> None:
 
 
 def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
-    """Rows x_v - lower >= 0 and then upper - x_v >= 0: slopes, and the constant or INF."""
+    """Write the bounds as rows, lower ones first: slopes, then the constant or INF."""
     n = len(lower)
     rows = [[*(Fraction(j == v) for j in range(n)), -lower[v]] for v in range(n)]
     return rows + [[*(Fraction(-(j == v)) for j in range(n)), upper[v]] for v in range(n)]
@@ -53,7 +53,7 @@ class Regression:
         self._known: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
 
     def row(self, output: Any, k: Any) -> tuple[list[Fraction], list[Fraction]]:
-        """R and W of an output (from 1) and sample (from 0), with Y and w0 behind them."""
+        """Take R and W of an output (from 1) and sample, Y and w0 behind."""
         key = whole(output, "box"), whole(k, "box")
         if key not in self._known:
             record, structure = self.about.record, self.about.structure
@@ -101,7 +101,7 @@ class Regression:
 
 
 def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """|m - centre| <= radius, as rows with the intervals Y +- w0 and R +- W prove it."""
+    """Prove |m - centre| <= radius by rows with intervals of Y and R."""
     got = fields(step, "box", 0, rows="l", inverse="l", centre="l", radius="l")
     inverse = [[finite(v, "box") for v in items(row, "box")] for row in got.inverse]
     c, v = ([finite(x, "box") for x in side] for side in (got.centre, got.radius))
@@ -118,7 +118,7 @@ def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 
 def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """The hull of what linear programs prove on the parts that signs of parameters make."""
+    """Enclose what linear programs prove on the parts that signs of parameters make."""
     nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
     hull: Ends = [[INF] * p, [-INF] * p]
     stack = [(0, ends)]
@@ -143,7 +143,7 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 
 def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
-    """What linear programs leave of a part; an end without multipliers stays as it is."""
+    """Shrink a part by linear programs; an end without multipliers stays as it is."""
     p = rows.count
     known = [given_row(row, rows, part) for row in node.rows]
     known += bound_rows(*part)
@@ -161,7 +161,7 @@ def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
 
 
 def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
-    """A linear row a theta + b >= 0 that follows from a row of the record on a part.
+    """Derive a linear row a theta + b >= 0 from a record's row.
 
     What it exceeds w0 + W |theta| - s (Y + R theta) by is concave in each parameter, so that its
     least value over the part is at ends. Towards an infinite end it must not fall.
@@ -193,7 +193,7 @@ def combined(
     goal: tuple[int, int] | None,
     equal: set[int] | None = None,
 ) -> Any:
-    """What multipliers of rows a x + b >= 0 prove of x_v (goal v, 0) or -x_v (goal v, 1).
+    """Bound x_v (goal v, 0) or -x_v (goal v, 1) by multipliers of rows.
 
     Without a goal they prove that nothing satisfies the rows, and the bound is INF.
     """

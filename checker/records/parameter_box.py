@@ -48,7 +48,7 @@ KINDS = {
 
 
 def proved_box(about: Any) -> tuple[Ends, list[str]]:
-    """The box of an identification, and what of it is taken as given."""
+    """Prove the box of an identification; list what is taken as given."""
     if about.box is None:
         return [list(side) for side in about.given], []
     stated = stated_ends(about.box, len(about.names))
@@ -68,14 +68,14 @@ def proved_box(about: Any) -> tuple[Ends, list[str]]:
 
 
 def stated_ends(found: Any, count: int) -> Ends:
-    """The fields ``lower`` and ``upper`` of a box."""
+    """Read the fields ``lower`` and ``upper`` of a box."""
     got = fields(found, "box", 0, lower="l", upper="l")
     alike("box.lower, box.upper", got.lower, got.upper, range(count))
     return [[number(v, "box") for v in side] for side in (got.lower, got.upper)]
 
 
 def applied(step: Any, kinds: dict[str, Step], rows: Regression, ends: Ends) -> Ends:
-    """What a step leaves of a box; lower ends above upper ones where that is nothing."""
+    """Apply a step to a box; ends cross where nothing is left."""
     kind = item(step, "is", "box.steps")
     if not isinstance(kind, str) or kind not in kinds:
         raise Malformed(f"box.steps: {kind!r:.40} is not known")
@@ -83,7 +83,7 @@ def applied(step: Any, kinds: dict[str, Step], rows: Regression, ends: Ends) -> 
 
 
 def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """Boxes of sums of products m, and what they say of each factor: m = sum of a b ..."""
+    """Bound sums of products, and each factor by them."""
     got, p = fields(step, "box", 0, columns="l", steps="l"), rows.count
     columns = [[word_of(m, p) for m in items(column, "box")] for column in got.columns]
     every = [monomial for column in columns for monomial in column]
@@ -107,7 +107,7 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 
 def word_of(found: Any, p: int) -> Word:
-    """A product of parameters, which a file numbers from 0."""
+    """Read a product of parameters, which a file numbers from 0."""
     below([whole(v, "box.columns") for v in items(found, "box.columns")], p, "box.columns")
     if not found:
         raise Malformed("box.columns: a product of nothing")
@@ -115,7 +115,7 @@ def word_of(found: Any, p: int) -> Word:
 
 
 def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
-    """The range of a sum of products."""
+    """Enclose a sum of products."""
     found = iv.ZERO
     for monomial in column:
         found = iv.plus(found, iv.monomial_range(monomial, box))
@@ -123,7 +123,7 @@ def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
 
 
 def without(monomial: Word, place: int) -> Word:
-    """A product without one of its factors."""
+    """Drop one of the factors of a product."""
     return monomial[:place] + monomial[place + 1 :]
 
 
@@ -143,10 +143,10 @@ def settle(column: list[Word], known: iv.Interval, box: list[iv.Interval]) -> No
 
 
 def by_directions(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """|theta_i| <= c_i / least, where 1 / s = max |theta_i| / c_i and s >= least on all sides.
+    """Prove |theta_i| <= c_i / least by the bounds of s on all sides.
 
-    With phi = s theta / c every consistent theta lies on a side phi_i = 1 or -1 of a cube, and
-    each row is multiplied by s.
+    1 / s is the largest of |theta_i| / c_i, so that with phi = s theta / c every consistent theta
+    lies on a side phi_i = 1 or -1 of a cube. Each row is multiplied by s.
     """
     got, p = fields(step, "box", 0, scale="l", sides="l"), rows.count
     assumed, scale = stated_ends(step, p), [Fraction(finite(v, "box.scale")) for v in got.scale]
@@ -221,7 +221,7 @@ def cube_side(
 
 
 def in_units(terms: dict[Word, Fraction], units: list[Fraction], factor: Fraction) -> Polynomial:
-    """A polynomial of unknowns divided by their units, times a factor."""
+    """Divide the unknowns of a polynomial by their units, times a factor."""
     values = []
     for word, value in terms.items():
         value *= factor

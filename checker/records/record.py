@@ -85,7 +85,7 @@ class Identification:
     # ---- rows -----------------------------------------------------------------------------
 
     def check_rows(self) -> None:
-        """Every row of the problem follows from the record, the structure and the noise."""
+        """Check that every row follows from the record, the structure and the noise."""
         if len(self.got.rows) != len(self.problem.constraints):
             raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
@@ -191,7 +191,7 @@ class Identification:
     # ---- intervals ------------------------------------------------------------------------
 
     def check(self) -> list[str]:
-        """What is proved, one line an interval, after what it rests on."""
+        """List what is proved, a line an interval, after what it rests on."""
         self.check_rows()
         box, why = proved_box(self)
         self.taken += why

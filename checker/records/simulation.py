@@ -25,18 +25,18 @@ ONE = 1 << _K
 
 
 def down(value: Any) -> int:
-    """A number in whole multiples of 2**-K, rounded down."""
+    """Round a number down to whole multiples of 2**-K."""
     found: int = (Fraction(value) * ONE).__floor__()
     return found
 
 
 def up(value: int, times: int = 1) -> int:
-    """What has been multiplied by 2**K as many times too often, rounded up."""
+    """Divide by 2**K a number of times, rounded up."""
     return -(-value >> _K * times)
 
 
 def dot(a: Iterable[int], b: Iterable[int]) -> int:
-    """The sum of products, 2**K times too large."""
+    """Sum products, 2**K times too large."""
     return sum(map(mul, a, b))
 
 
@@ -72,7 +72,7 @@ class Region:
         return any(a > b for a, b in pairs)
 
     def reach(self, slope: list[int]) -> int:
-        """How large slope (x - middle) may be: over the box, or by shares of directions."""
+        """Bound slope (x - middle), over the box or by shares of directions."""
         if not any(slope):
             return 0
         found = up(dot(map(abs, slope), self.far))
@@ -86,18 +86,18 @@ class Region:
         return min(found, up(dot(map(abs, share), self.width) + dot(map(abs, left), self.far), 2))
 
     def times(self, a: Form, b: Form) -> Form:
-        """The product of two forms."""
+        """Multiply two forms."""
         slope = [a.value * g + b.value * h >> _K for g, h in zip(b.slope, a.slope, strict=True)]
         rest = a.reach * b.reach + (abs(a.value) + a.reach) * b.rest
         rest += (abs(b.value) + b.reach + b.rest) * a.rest
         return Form(a.value * b.value >> _K, slope, up(rest) + self.lost, self.reach(slope))
 
     def number(self, value: Any) -> Form:
-        """A number, rounded."""
+        """Make a form of a number, rounded."""
         return Form(down(value), [0] * len(self.low), 1, 0)
 
     def unknown(self, place: int) -> Form:
-        """One of x itself."""
+        """Make a form of one entry of x."""
         slope = [ONE * (v == place) for v in range(len(self.low))]
         return Form(self.middle[place], slope, 0, self.reach(slope))
 
@@ -124,7 +124,7 @@ class Simulation:
         self.unknowns = [(name, k) for name, samples in self.past.items() for k in samples]
 
     def root(self, ends: Ends) -> list[list[int]]:
-        """The box of x: parameters, then first samples as they were read."""
+        """Read the box of x: parameters, then first samples as they were read."""
         box = [list(zip(*ends, strict=True)), []]
         for name, k in self.unknowns:
             y, bound = self.reading(int(name[1:]) - 1, k)
@@ -135,7 +135,7 @@ class Simulation:
         return [[down(a) for a, _ in pairs], [-down(-b) for _, b in pairs]]
 
     def reading(self, channel: int, k: int) -> tuple[Fraction, Fraction]:
-        """A sample of an output as it was read, and the bound of its noise."""
+        """Take a sample of an output as read, with the bound of its noise."""
         record = self.about.record
         below([channel], len(record.y), "box: outputs")
         below([k], record.samples, "box: samples")
@@ -144,7 +144,7 @@ class Simulation:
         return record.y[channel][k], record.bounds["output"][channel][k]
 
     def run(self, region: Region, last: int) -> dict[str, dict[int, Form]]:
-        """All signals until some sample, as forms over a region."""
+        """Compute all signals until some sample, as forms over a region."""
         record = self.about.record
         known = {f"u{j}": column for j, column in enumerate(record.u, 1)}
         below([last], record.samples, "box: samples")
@@ -193,7 +193,7 @@ class Simulation:
     def row(
         self, given: tuple[str, int, int, int], region: Region, signals: Any
     ) -> tuple[list[int], int]:
-        """A row slopes x <= right that every consistent x in the region obeys."""
+        """Write a row slopes x <= right for every consistent x in the region."""
         kind, number, k, sign = given
         if kind == "output":
             return self._read(number, k, sign, region, signals)
@@ -263,7 +263,7 @@ def _response(poles: list[tuple[int, Form]], samples: int) -> list[int]:
 
 
 def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """The hull of what multipliers leave of the regions of a tree."""
+    """Enclose what multipliers leave of the regions of a tree."""
     about, p = Simulation(rows.about, rows), rows.count
     got = fields(step, "box", 0, directions="l", shares="l", nodes="l")
     tables = [
@@ -306,13 +306,13 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 
 def moved(region: Region, low: list[int], high: list[int]) -> Region:
-    """A region with other ends of x and of W x."""
+    """Replace the ends of x and of W x in a region."""
     d = len(region.low)
     return Region([low[:d], high[:d]], [low[d:], high[d:]], region.rows, region.shares)
 
 
 def named(found: Any) -> tuple[str, int, int, int]:
-    """The kind of a row, two numbers, and a sign."""
+    """Read the kind of a row, two numbers, and a sign."""
     kind, number, k, sign = items(found, "box.rows")
     if min(whole(number, "box.rows"), whole(k, "box.rows")) < 0:
         raise Malformed("box.rows: no such row")
@@ -322,7 +322,7 @@ def named(found: Any) -> tuple[str, int, int, int]:
 
 
 def tightened(step: Any, about: Simulation, region: Region) -> Region:
-    """What multipliers of rows leave of a region, by weak duality over its box."""
+    """Tighten a region by multipliers of rows, by weak duality over its box."""
     got, d = fields(step, "box", 0, rows="l", weights="l"), len(region.low)
     asked = [named(row) for row in got.rows]
     signals = about.run(region, max((k for kind, _, k, _ in asked if kind == "output"), default=0))

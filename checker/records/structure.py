@@ -64,17 +64,17 @@ class Structure:
         return f"[{i + 1},{j + 1}]" if self.many else ""
 
     def denominator(self, i: int, j: int) -> tuple[str, ...]:
-        """Names of the coefficients of a denominator, from lag 1 on."""
+        """Name the coefficients of a denominator, from lag 1 on."""
         pair = "" if self.given.common_denominator else self._pair(i, j)
         return tuple(f"a{pair}{lag}" for lag in range(1, self.given.na[i][j] + 1))
 
     def numerator(self, i: int, j: int) -> list[tuple[int, str]]:
-        """Lags and names of the coefficients of a numerator."""
+        """List lags and names of the coefficients of a numerator."""
         first = self.given.nk[i][j]
         return [(k, f"b{self._pair(i, j)}{k}") for k in range(first, first + self.given.nb[i][j])]
 
     def offset(self, i: int) -> list[Term]:
-        """The term -c of an output."""
+        """Write the term -c of an output."""
         name = "c" if len(self.outputs) == 1 else f"c[{i + 1}]"
         return [Term(-1, (name,), "", 0)] if self.given.offset else []
 
@@ -95,7 +95,7 @@ class Structure:
         return names + [f"y{i + 1}" for i in self.outputs]
 
     def equation(self, name: str) -> list[Term]:
-        """The terms of an equation, by the name of the signal that it defines."""
+        """Write the terms of an equation, by the signal that it defines."""
         for i in self.outputs:
             if name == f"y{i + 1}":
                 return self.direct(i) if not self.splits(i) else self._sum(i)
@@ -109,7 +109,7 @@ class Structure:
         raise Malformed(f"rows: the structure has no equation {name!r:.20}")
 
     def splits(self, i: int) -> bool:
-        """Whether an output is a sum of partial outputs, signals of their own."""
+        """Check whether an output is a sum of partial outputs, signals of their own."""
         own = [self.denominator(i, j) for j in self.inputs]
         several = len(set(own)) > 1
         return bool(self.given.form == "partial" or (self.given.form == "auto" and several))
@@ -119,7 +119,7 @@ class Structure:
         return [Term(1, (), f"y{i + 1}", 0), *parts, *self.offset(i)]
 
     def direct(self, i: int) -> list[Term]:
-        """The equation of an output with all denominators multiplied out."""
+        """Write the equation of an output with all denominators multiplied out."""
         own = [self.denominator(i, j) for j in self.inputs]
         distinct = [d for d in dict.fromkeys(own) if d]
         found = [Term(1, names, f"y{i + 1}", lag) for lag, names in multiplied(distinct)]
@@ -138,7 +138,7 @@ class Structure:
 
 
 def multiplied(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:
-    """The product of polynomials 1 + sum of a_k q^-k as lags and names of parameters."""
+    """Multiply polynomials 1 + sum of a_k q^-k to lags and names of parameters."""
     found: list[tuple[int, tuple[str, ...]]] = [(0, ())]
     for names in denominators:
         factors = [(0, ()), *((k, (name,)) for k, name in enumerate(names, 1))]
@@ -175,11 +175,11 @@ class Record:
         self.letters: dict[tuple[str, int, int], int] = {}
 
     def first(self, k: int) -> int:
-        """The sample at which the record of sample k begins."""
+        """Find the sample at which the record of sample k begins."""
         return max(start for start in self.starts if start <= k)
 
     def sample(self, signal: str, k: int) -> Sample:
-        """A noise-free sample of a signal."""
+        """Take a noise-free sample of a signal."""
         if signal[0] == "z":
             return Sample(ZERO, self.letters.get((signal, 0, k), 0), 1)
         output, channel = signal[0] == "y", int(signal[1:]) - 1
@@ -193,11 +193,11 @@ class Record:
         return Sample(value, self.letters.get((group, channel + 1, k), 0), -1)
 
     def ranged(self, signal: str) -> bool:
-        """Whether a range is given for all samples of a measured signal."""
+        """Check whether a range is given for all samples of a measured signal."""
         return self.range(signal[0], int(signal[1:]) - 1) is not None
 
     def range(self, signal: str, channel: int) -> tuple[Fraction, Fraction] | None:
-        """The range of all samples of a channel, where one is given."""
+        """Take the range of all samples of a channel, where one is given."""
         given = item(self.ranges, signal, "record.ranges")
         if given is None:
             return None
@@ -205,7 +205,7 @@ class Record:
         return low, high
 
     def row(self, terms: list[Term], parameters: dict[str, int], k: int, zero: bool) -> Terms:
-        """The polynomial of an equation at sample k, in all unknowns."""
+        """Write the polynomial of an equation at sample k, in all unknowns."""
         found: Terms = {}
         for term, sample in self._used(terms, k, zero):
             heads = [parameters[name] + 1 for name in term.parameters]
@@ -217,7 +217,7 @@ class Record:
         return found
 
     def possible(self, terms: list[Term], k: int, zero: bool) -> bool:
-        """Whether all samples of a row exist: known, or with an unknown or a range."""
+        """Check whether all samples of a row exist: known, unknown or with a range."""
         for term in terms:
             place = k - term.lag
             if not term.signal or term.signal[0] == "z":
@@ -250,7 +250,7 @@ def _add(found: Terms, letters: list[int], value: Fraction) -> None:
 
 
 def columns_of(record: Record, path: str, names: list[str], table: list[Any]) -> list[str]:
-    """Which column of a table holds which channel; raises where one holds none."""
+    """Find which column of a table holds which channel; raise where one holds none."""
     found = []
     for letter, channels in (("u", record.u), ("y", record.y)):
         for number, channel in enumerate(channels, 1):

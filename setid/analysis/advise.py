@@ -94,7 +94,7 @@ class Advice:
     record: IOData
 
     def square_wave(self, samples: int = 300, low: float = -1.0, high: float = 1.0) -> Reals:
-        """An input (samples,) to begin with: a square wave of two half periods in turn.
+        """Propose a first input (samples,): a square wave of two half periods in turn.
 
         Half periods are the settling time, which shows the static gain, and a fifth of it, which
         shows the dynamics, at the advised sampling time.
@@ -259,11 +259,6 @@ def _coverage(counts: list[int]) -> float:
         sure = 1.0 - prod(n * p ** (n - 1) - (n - 1) * p**n for n in counts if n > 1)
         low, high = (p, high) if sure >= _CONFIDENCE else (low, p)
     return low
-
-
-def _named(data: IOData) -> list[tuple[str, Reals]]:
-    names = (*data.input_names, *data.output_names)
-    return list(zip(names, [*data.u.T, *data.y.T], strict=True))
 
 
 def _quantised(data: IOData) -> dict[str, float]:

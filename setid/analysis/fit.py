@@ -182,7 +182,7 @@ class Fit:
         return ""
 
     def summary(self) -> str:
-        """A few lines for people."""
+        """Describe the fit in a few lines."""
         pairs = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
         low, high = rounded(self.lower_bound, False, 6), rounded(self.error, True, 6)
         word = "attained" if self.attained else "not proved to be attained"

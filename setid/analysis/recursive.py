@@ -436,7 +436,7 @@ class Recursive:
         return Verification(True)
 
     def summary(self) -> str:
-        """Intervals, what they rest on, and the cost."""
+        """Describe intervals, what they rest on, and the cost."""
         lines = [
             f"{i.name} in [{rounded(i.outer[0], False)}, {rounded(i.outer[1], True)}]"
             if self.inconsistent_at is None

@@ -95,7 +95,7 @@ class Sensitivity:
     base: Identification
 
     def table(self) -> str:
-        """Outer ends and signs, one row a factor and parameter."""
+        """Print outer ends and signs, one row a factor and parameter."""
         line = "{:>8}  {:<10}{:>15}{:>15}  {:<6}"
         head = line.format("factor", "parameter", "outer", "", "sign").rstrip()
         lines = [head, "-" * len(head)]
@@ -103,7 +103,7 @@ class Sensitivity:
         return "\n".join(lines)
 
     def summary(self) -> str:
-        """The table, where signs are lost, and how near the bounds are to the least."""
+        """Print the table, where signs are lost, and how near bounds are to the least."""
         return "\n".join([self.table(), "", *self._remarks()])
 
     def verify(self) -> Verification:
@@ -120,7 +120,7 @@ class Sensitivity:
         return Verification(True)
 
     def to_frame(self) -> Any:
-        """The table as a pandas DataFrame.
+        """Return the table as a pandas DataFrame.
 
         Raises
         ------

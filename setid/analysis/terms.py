@@ -46,7 +46,7 @@ class Reduced:
 
 
 def idle(result: Identification) -> tuple[str, ...]:
-    """Coefficients of which both signs, or zero, are attained.
+    """List coefficients of which both signs, or zero, are attained.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def idle(result: Identification) -> tuple[str, ...]:
 
 
 def without(model: Structure, names: Sequence[str]) -> tuple[Structure, list[Any]]:
-    """The structure without some coefficients, and priors that set the others to zero.
+    """Drop coefficients: return the structure, and priors that set what it keeps to zero.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _tried(
 
 
 def sparse_terms(data: IOData, model: Structure, noise: Noise) -> tuple[str, ...]:
-    """Coefficients that are zero where the sum of sizes is least, reweighted a few times.
+    """Find coefficients that are zero where the sum of sizes is least, reweighted.
 
     Parameters
     ----------

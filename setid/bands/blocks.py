@@ -126,7 +126,7 @@ def static_band(
     kind: Kind = "proved",
     seconds: float = 0.0,
 ) -> StaticBand:
-    """The band of a static nonlinearity over the feasible set.
+    """Prove or sample the band of a static nonlinearity over the feasible set.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def _tightened(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) 
 
 
 def signal_band(result: FeasibleSet, name: str) -> SignalBand:
-    """The band of an internal signal over the record.
+    """Enclose an internal signal over the record, for all consistent systems.
 
     Parameters
     ----------

@@ -81,12 +81,12 @@ class Found:
 
 
 def force_of(experiment: Experiment, cover: Cover) -> Reals:
-    """Regressors (N, p) of the known signals: the residual of the output 0."""
+    """Compute regressors (N, p) of the known signals: the residual of the output 0."""
     return experiment.row.residual(np.zeros(len(experiment.u)), experiment.u, cover)[1]
 
 
 def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
-    """Outputs (N,) of given parameters, from the first readings on.
+    """Compute outputs (N,) of given parameters, from the first readings on.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
 
 
 def attained_by(experiment: Experiment, theta: Reals, force: Reals) -> tuple[Reals, Reals]:
-    """Range (N,) of the outputs of given parameters over the noise in inputs and first outputs."""
+    """Compute the range (N,) of outputs over the noise in inputs and first outputs."""
     outputs = outputs_of(experiment, theta, force)
     reach = np.concatenate([experiment.start, np.zeros(experiment.samples)])
     with np.errstate(all="ignore"):
@@ -317,7 +317,7 @@ def branched(
 
 
 def surveyed(cover: Cover, columns: NDArray[np.int64]) -> Proposer:
-    """Bases of a cover for directions all around, most of them of some parameters."""
+    """Choose bases of a cover for directions all around, most of them of some parameters."""
     source = Proposer(cover)
     rng, p = np.random.default_rng(0), cover.lower.size
     width = np.maximum(cover.upper - cover.lower, 1e-300)
@@ -329,7 +329,7 @@ def surveyed(cover: Cover, columns: NDArray[np.int64]) -> Proposer:
 
 
 def principal_frame(points: Reals, columns: NDArray[np.int64], width: Reals) -> Frame:
-    """Principal axes of points, in units of the box."""
+    """Compute the principal axes of points, in units of the box."""
     q = columns.size
     if len(points) < 2 or not q:
         return Frame(columns, np.eye(q) / width[:, None], np.eye(q) * width)

@@ -78,7 +78,7 @@ class Band:
 
 
 def rows_of(model: Structure) -> list[OutputRow]:
-    """Equations of all outputs as lags.
+    """Write the equations of all outputs as lags.
 
     Raises
     ------

@@ -36,7 +36,7 @@ _LEVELS = 6  # of halving all cells
 def refined_arcs(
     cover: Cover, theta: Reals, families: tuple[Family, Family], until: float
 ) -> ArcRegions:
-    """Regions on arcs that cover all frequencies.
+    """Enclose responses on arcs that cover all frequencies.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class _Search:
     points: list[Reals] = field(default_factory=list)
 
     def regions(self, arcs: Sequence[Arc], parts: Sequence[_Part]) -> ArcRegions:
-        """Regions on arcs, joined over cells."""
+        """Enclose responses on arcs, joined over cells."""
         found = [
             arc_regions(cover, theta, self.families, arcs, _always(source))
             for cover, source, theta in parts
@@ -105,7 +105,7 @@ class _Search:
         return joined
 
     def halved(self, arcs: Sequence[Arc], parts: Sequence[_Part], last: bool = False) -> ArcRegions:
-        """Regions on arcs that are halved until they are near the regions at their centres.
+        """Halve arcs until their regions are near the regions at their centres.
 
         Arcs on which these are wide wait for smaller cells, except at the ``last`` level.
         """
@@ -142,7 +142,7 @@ class _Search:
     def parts(
         self, cells: Cells, frame: Frame, seeds: dict[int, list[NDArray[np.int64]]]
     ) -> list[_Part]:
-        """Cells that are not proved empty; they are tightened, their vertices remembered."""
+        """List cells not proved empty; they are tightened, their vertices remembered."""
         found = list[_Part]()
         for number in cells.numbers:
             source = Proposer(cells.polytope(number), seeds[number])

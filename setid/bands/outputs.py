@@ -164,7 +164,7 @@ class Comparison:
     advice: str = ""
 
     def summary(self) -> str:
-        """A few lines for people."""
+        """Describe the comparison in a few lines."""
         band, finite = self.band, np.isfinite(self.band.high - self.band.low)
         lines = [f"fit of the nominal model ({band.mode})  {per_cent(self.fit)}"]
         lines += [f"fit of {name}  {per_cent(values)}" for name, values in self.fits.items()]
@@ -228,7 +228,7 @@ def simulate_band(
     tolerance: float = 0.1,
     time_limit: float = 20.0,
 ) -> OutputBand:
-    """Outputs of the models for the inputs of a record.
+    """Simulate all models for the inputs of a record, with bands of their outputs.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def simulate_band(
 def predict(
     result: FeasibleSet, data: IOData | None = None, noise: Noise | None = None
 ) -> OutputBand:
-    """One-step predictions from the readings before, with a proved band.
+    """Predict one step from the readings before, with a proved band.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class Residuals:
 
 
 def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
-    """One-step residuals of a parameter vector with the bounds that noise can explain.
+    """Compute one-step residuals of a parameter vector, with the bounds that noise can explain.
 
     Parameters
     ----------

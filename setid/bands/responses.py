@@ -95,7 +95,7 @@ class FrequencyBand:
     view: str = "bode"
 
     def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
-        """Proved gains and phases at any frequencies, also between those of the band.
+        """Bound gains and phases at any frequencies, also between those of the band.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class FrequencyBand:
         return max(float(self.magnitude[:, 0].max()), arcs.least_peak), arcs.largest_gain
 
     def distance(self, point: complex = -1.0) -> float:
-        """Proved lower bound of the distance of all responses from a point of the plane.
+        """Bound the distance of all responses from a point of the plane from below.
 
         From -1 it is the modulus margin of the loop that the response closes with gain 1; where
         it is positive and one of these loops is stable, all of stable plants are.
@@ -183,7 +183,7 @@ def frequency_band(
     *,
     executor: Executor | None = None,
 ) -> FrequencyBand:
-    """Band of a frequency response, for Bode, Nyquist and Nichols plots.
+    """Enclose a frequency response, for Bode, Nyquist and Nichols plots.
 
     Parameters
     ----------

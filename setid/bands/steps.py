@@ -80,7 +80,7 @@ class StepBand:
         return float(low), float(high)
 
     def summary(self) -> str:
-        """A few lines for people."""
+        """Describe the band in a few lines."""
         lines = [f"{self.kind} band of the step response of y{self.output} from u{self.input}"]
         if self.report is not None:
             lines.append(self.report.text)
@@ -112,7 +112,7 @@ def step_band(
     time_limit: float = 20.0,
     all_time: bool = False,
 ) -> StepBand:
-    """Band of the response to a unit step at one input, from rest, without noise.
+    """Enclose the response to a unit step at one input, from rest, without noise.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ class BandReport:
 
     @staticmethod
     def merged(reports: Sequence[BandReport]) -> BandReport:
-        """One report of several outputs or records."""
+        """Merge the reports of several outputs or records."""
         order: list[Verdict] = ["tight", "wide", "unproved", "unstable"]
         ratios = [r.ratio for r in reports]
         radii = [r.pole_radius for r in reports]
@@ -109,7 +109,7 @@ class BandReport:
 
 
 def ratio_of(proved: tuple[Reals, Reals], attained: tuple[Reals, Reals]) -> float:
-    """Largest ratio of widths over samples where the attained one counts; NaN without any."""
+    """Find the largest ratio of widths, where the attained width counts; else NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         widths = proved[1] - proved[0], attained[1] - attained[0]
     top = float(np.max(widths[1], initial=0.0))

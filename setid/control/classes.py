@@ -54,7 +54,7 @@ class Fixed:
     basis: Reals
 
     def controller(self, theta: Sequence[Fraction], Ts: float) -> Transfer:
-        """The controller of parameters (p,) of ``model``; an integrator stays exact."""
+        """Build the controller of parameters (p,) of ``model``; an integrator stays exact."""
         na = self.model.na[0][0]
         below = [Fraction(1), *theta[:na]]
         if self.integrators:
@@ -67,7 +67,7 @@ class Controller(ABC):
 
     @abstractmethod
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
-        """The class at a sampling time; ``order`` where the class leaves it open."""
+        """Fix the class at a sampling time; ``order`` where the class leaves it open."""
 
     @property
     def orders(self) -> tuple[int, ...] | None:
@@ -111,7 +111,7 @@ class LTI(Controller):
         return tuple(range(1, self.most + 1)) if self.order is None else None
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
-        """The class with one order."""
+        """Fix the class with one order."""
         n = self.order if order is None else order
         if n is None:
             raise ModelError("LTI.order: found None, expected an integer here")
@@ -151,7 +151,7 @@ class PID(Controller):
             raise ModelError(f"PID.filter: found {self.filter!r}, expected a time >= 0")
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
-        """Numerators over the common denominator (1 - q^-1) (1 - f q^-1)."""
+        """Write numerators over the common denominator (1 - q^-1) (1 - f q^-1)."""
         delta = (Fraction(1), Fraction(-1))
         one = (Fraction(1),)
         if not self.derivative:
@@ -204,7 +204,7 @@ class Polynomials(Controller):
         self.fixed(1.0)
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
-        """The basis that the numerators make."""
+        """Take the basis that the numerators make."""
         rows = [_fractions(row) for row in self.numerators]
         names = tuple(f"k{i}" for i in range(1, len(rows) + 1))
         return _over(_fractions(self.denominator), rows, names)

@@ -207,23 +207,19 @@ class Design:
         return self.fixed.controller(theta, self.data.Ts)
 
     def to_control(self) -> Any:
-        """The central controller as a model of python-control."""
+        """Convert the central controller to a model of python-control."""
         return self.centre.to_control()
 
     def ideal_form(self) -> dict[str, tuple[float, float]]:
-        """Proved ranges of K, Ti and Td of K (1 + 1/(Ti s) + Td s), for PID classes."""
-        return self._ideal()
+        """Bound K, Ti and Td of K (1 + 1/(Ti s) + Td s), for PID classes.
 
-    def series_form(self) -> dict[str, tuple[float, float]]:
-        """Proved ranges of Ti and Td of K (1 + 1/(Ti s)) (1 + Td s), for PID classes.
-
-        NaN where the two zeros may be complex, so that there is no series form.
+        Raises
+        ------
+        ModelError
+            If the class is no PID.
+        SetidError
+            If the set of parameters is not finite.
         """
-        ideal = self._ideal()
-        times = series_times(ideal["Ti"], ideal.get("Td", (0.0, 0.0)))
-        return {"Ti": times[0], "Td": times[1]}
-
-    def _ideal(self) -> dict[str, tuple[float, float]]:
         if self.fixed.names[:2] != ("Kp", "Ki"):
             raise ModelError("form: found a class without Kp and Ki, expected control.PID")
         if self.parameters is None:
@@ -235,10 +231,19 @@ class Design:
             found["Td"] = ratio_range(self.parameters, rows[2], rows[0])
         return found
 
+    def series_form(self) -> dict[str, tuple[float, float]]:
+        """Bound Ti and Td of K (1 + 1/(Ti s)) (1 + Td s), for PID classes.
+
+        NaN where the two zeros may be complex, so that there is no series form.
+        """
+        ideal = self.ideal_form()
+        times = series_times(ideal["Ti"], ideal.get("Td", (0.0, 0.0)))
+        return {"Ti": times[0], "Td": times[1]}
+
     # ---- closed loops -------------------------------------------------------------------
 
     def closed_loop(self, plant: Any, controller: Transfer | None = None) -> Transfer:
-        """K P / (1 + K P) with a plant that is known, for simulation studies."""
+        """Compute K P / (1 + K P) with a known plant, for simulations."""
         known = as_transfer(plant, self.data.Ts, "plant")
         return closed_loop(controller or self.centre, known)
 
@@ -247,7 +252,7 @@ class Design:
         return check_matching(plant, controller or self.centre, self.reference)
 
     def simulate(self, plant: Any, r: ArrayLike) -> Reals:
-        """Output (N,) of the closed loop with the central controller, from rest."""
+        """Simulate the output (N,) of the closed loop with the central controller, from rest."""
         return self.closed_loop(plant).simulate(r)
 
     def plot(self, plant: Any, ax: Axes | None = None) -> Axes:

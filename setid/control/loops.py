@@ -160,10 +160,28 @@ def loop_step(certificate: StabilityCertificate, samples: int = 50) -> LoopStep:
     certificate : StabilityCertificate
         Certified.
     samples : int
+        From the step on, at least 1.
 
     Returns
     -------
     LoopStep
+
+    Raises
+    ------
+    SetidError
+        If the certificate is not certified.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid import control
+    >>> P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    >>> r = np.random.default_rng(0).uniform(-1, 1, 60)
+    >>> data, K = setid.IOData(r, P.simulate(r)), control.ideal_controller(P, M)
+    >>> found = control.stability_certificate(data, K, M, 1, 0.01, delay=1)
+    >>> step = control.loop_step(found, 30)
+    >>> bool(step.low[1] < 0.4 < step.high[1])  # M begins with 0.4
+    True
     """
     found, _, second, whole = _families(certificate)
     count = natural(samples, "samples", SetidError, 1, _MOST)

@@ -79,7 +79,7 @@ def target_signal(M: Any, r: ArrayLike) -> Reals:
 
 
 def with_unit_gain(M: Transfer, tolerance: float = _NEARLY_ONE) -> tuple[Transfer, float]:
-    """M with a static gain of exactly 1 where that is nearly its gain, and what 1 - M was.
+    """Correct M to a static gain of exactly 1 where nearly so; return the correction.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def with_unit_gain(M: Transfer, tolerance: float = _NEARLY_ONE) -> tuple[Transfe
 
 
 def loop_function(M: Transfer) -> Transfer:
-    """M / (1 - M) as one fraction; a static gain of 1 within 1e-9 is taken as exactly 1."""
+    """Compute M / (1 - M), a static gain of nearly 1 taken as 1: within 1e-9."""
     M = with_unit_gain(M)[0]
     if M.numerator[0] == 1:
         raise ModelError(
@@ -206,7 +206,7 @@ def check_matching(P: Any, K: Any, M: Any, samples: int = 100) -> Matching:
 
 
 def closed_loop(controller: Transfer, plant: Transfer) -> Transfer:
-    """K P / (1 + K P) without any cancellation."""
+    """Compute K P / (1 + K P) without any cancellation."""
     below = characteristic(controller, plant)
     if below[0] == 0:
         raise ModelError("K, P: 1 + K P vanishes at lag 0: the loop is not well posed")
@@ -214,7 +214,7 @@ def closed_loop(controller: Transfer, plant: Transfer) -> Transfer:
 
 
 def characteristic(controller: Transfer, plant: Transfer) -> tuple[Fraction, ...]:
-    """D_K A + N_K B in powers of q^-1."""
+    """Compute D_K A + N_K B in powers of q^-1."""
     one = times(controller.denominator, plant.denominator)
     other = times(controller.numerator, plant.numerator)
     size = max(len(one), len(other))
@@ -316,13 +316,16 @@ def _time(given: float | None, field: str) -> float | None:
 
 
 def first_order(pole: float, Ts: float) -> Transfer:
-    """1 / (1 + s / pole) with zero-order hold, static gain exactly 1."""
+    """Discretise 1 / (1 + s / pole) with zero-order hold, static gain exactly 1."""
     a = Fraction(exp(-pole * Ts))
     return Transfer([0, 1 - a], [1, -a], Ts)
 
 
 def second_order(frequency: float, damping: float, Ts: float) -> Transfer:
-    """wn^2 / (s^2 + 2 z wn s + wn^2), z < 1, with zero-order hold, static gain exactly 1."""
+    """Discretise wn^2 / (s^2 + 2 z wn s + wn^2), static gain exactly 1.
+
+    The damping z is below 1, and the input is held between samples (zero-order hold).
+    """
     decay = exp(-damping * frequency * Ts)
     turn = frequency * sqrt(1.0 - damping**2)
     c, s = cos(turn * Ts), sin(turn * Ts)
@@ -348,12 +351,12 @@ def _normalised_times(damping: float) -> tuple[float, float]:
     return ends[1] - ends[0], float(grid[outside[-1] + 1])
 
 
-def complex_numbers(given: Any, field: str) -> list[complex]:
-    """Finite complex numbers, or one of them, as a list; text and others raise."""
+def complex_numbers(given: Any) -> list[complex]:
+    """Check finite complex numbers, or one of them, and list them; others raise."""
     single = isinstance(given, (complex, float, int, np.number)) and not isinstance(given, bool)
     found = []
     for place, value in enumerate([given] if single else entries_of(
-        given, field, "complex numbers", ModelError
+        given, "zeros", "complex numbers", ModelError
     )):  # fmt: skip
         known = isinstance(value, (complex, float, int, np.number)) and not isinstance(value, bool)
         try:
@@ -362,15 +365,15 @@ def complex_numbers(given: Any, field: str) -> list[complex]:
             number_ = complex("nan")
         if not np.isfinite(number_):
             raise ModelError(
-                f"{field}[{place}]: found {value!r:.60}, expected a finite complex number"
+                f"zeros[{place}]: found {value!r:.60}, expected a finite complex number"
             )
         found.append(number_)
     return found
 
 
 def with_zeros(M: Transfer, delay: int, zeros: ArrayLike) -> Transfer:
-    """M with more delay and with given zeros, static gain kept."""
-    given = np.array(complex_numbers(zeros, "zeros"))
+    """Add delay and given zeros to M, static gain kept."""
+    given = np.array(complex_numbers(zeros))
     polynomial = np.poly(given) if given.size else np.ones(1)
     if np.abs(np.imag(polynomial)).max() > 1e-9 * np.abs(polynomial).max():
         raise ModelError(f"zeros: found {given.tolist()}, expected complex ones in pairs")

@@ -47,6 +47,20 @@ def report(
     ------
     SetidError
         If something else is given.
+
+    Examples
+    --------
+    >>> import numpy as np, pathlib, setid, tempfile
+    >>> from setid import control
+    >>> P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    >>> r = np.random.default_rng(0).uniform(-1, 1, 60)
+    >>> data = setid.IOData(r, P.simulate(r))
+    >>> design = control.design(data, M, control.LTI(1, integrator=True), 0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = pathlib.Path(folder) / "design.html"
+    ...     control.report(page, design, [])
+    ...     "Controller from data" in page.read_text()
+    True
     """
     if not isinstance(design, Design):
         raise SetidError(f"design: found {type(design).__name__}, expected a Design")

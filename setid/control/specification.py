@@ -34,7 +34,6 @@ from setid.control.transfer import Transfer
 
 __all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
 
-Reals = NDArray[np.float64]
 _FASTEST = 20.0  # poles and zeros beyond this many times 2 / Ts are replaced by their gain
 _SPARE_PEAK = 1.1  # times the peak of T that the overshoot allows
 _ROLL_OFF = 3.0  # times the bandwidth: where T may fall without a limit for sensor noise
@@ -97,7 +96,7 @@ class Specification:
                 raise ModelError(f"{field}: found {value!r}, expected a positive time")
         for field in ("disturbance", "sensor_noise"):
             _check_limit(getattr(self, field), field)
-        object.__setattr__(self, "zeros", tuple(complex_numbers(self.zeros, "zeros")))
+        object.__setattr__(self, "zeros", tuple(complex_numbers(self.zeros)))
         if any(abs(z) <= 1.0 for z in self.zeros):
             raise ModelError(f"zeros: found {list(self.zeros)}, expected abs(z) > 1 for all")
 

@@ -138,7 +138,7 @@ class Transfer:
         return is_schur(self.reduced().denominator)
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response (F,) at ``omega`` (F,), rad per unit of time (computed)."""
+        """Compute the frequency response (F,) at ``omega`` (F,), rad per unit of time."""
         step = np.exp(-1j * real_array(omega, "omega", SetidError) * self.Ts)
         top = np.polynomial.polynomial.polyval(step, self.num)
         below = np.polynomial.polynomial.polyval(step, self.den)
@@ -146,14 +146,14 @@ class Transfer:
             return np.asarray(top / below, np.complex128)
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output (N,) from rest for an input (N,), in double precision."""
+        """Simulate the output (N,) from rest for an input (N,), in double precision."""
         signal = real_array(u, "u", SetidError).ravel()
         return np.asarray(lfilter(self.num, self.den, signal), np.float64)
 
     # ---- arithmetic ---------------------------------------------------------------------
 
     def reduced(self) -> Transfer:
-        """Without the common factors of numerator and denominator, found in rationals."""
+        """Cancel common factors of numerator and denominator, found in rationals."""
         common = _gcd(self.numerator, self.denominator)
         if len(common) <= 1:
             return self
@@ -204,7 +204,7 @@ class Transfer:
         return as_transfer(other, self.Ts) / self
 
     def feedback(self) -> Transfer:
-        """The closed loop L / (1 + L) of this loop function L."""
+        """Close the loop: L / (1 + L) of this loop function L."""
         return Transfer(self.numerator, _plus(self.denominator, self.numerator), self.Ts).reduced()
 
     # ---- integrators --------------------------------------------------------------------
@@ -241,7 +241,7 @@ class Transfer:
     # ---- exchange -----------------------------------------------------------------------
 
     def to_control(self) -> Any:
-        """The same as a discrete ``control.TransferFunction``.
+        """Convert to a discrete ``control.TransferFunction``.
 
         Raises
         ------
@@ -363,7 +363,7 @@ def _trimmed(polynomial: Exact) -> Exact:
 
 
 def times(one: Sequence[Fraction], other: Sequence[Fraction]) -> Exact:
-    """Product of two polynomials in q^-1."""
+    """Multiply two polynomials in q^-1."""
     found = [Fraction(0)] * (len(one) + len(other) - 1)
     for i, a in enumerate(one):
         for j, b in enumerate(other):

@@ -13,7 +13,7 @@ __all__ = ["labels", "names_of", "text_of", "units_of"]
 def names_of(
     given: Sequence[Any] | str | None, count: int, field: str, letter: str
 ) -> tuple[str, ...]:
-    """Distinct names, one a channel; u1, u2, ... or y1, y2, ... when left out.
+    """Check distinct names, one a channel; u1, ... or y1, ... when left out.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def names_of(
 
 
 def units_of(given: Sequence[Any] | str | None, count: int, field: str) -> tuple[str, ...]:
-    """Units, one a channel; empty when left out.
+    """Check units, one a channel; empty when left out.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def units_of(given: Sequence[Any] | str | None, count: int, field: str) -> tuple
 
 
 def labels(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
-    """Names with their units in brackets.
+    """Write names with their units in brackets.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def labels(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def text_of(given: Any, field: str) -> str:
-    """A text that files and pictures can hold; halves of surrogate pairs raise.
+    """Check a text that files and pictures can hold; halves of surrogate pairs raise.
 
     Parameters
     ----------

@@ -73,13 +73,13 @@ class FrozenMapping(Mapping[K, V]):
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, made read-only."""
+    """Make an array read-only and return it."""
     array.flags.writeable = False
     return array
 
 
 def without_mask(given: Any) -> NDArray[Any]:
-    """A fresh array, with NaN (among dates NaT) where elements of ``numpy.ma`` are masked."""
+    """Copy an array, with NaN (among dates NaT) where elements of ``numpy.ma`` are masked."""
     parts = given if isinstance(given, (list, tuple)) else [given]
     if not any(isinstance(part, np.ma.MaskedArray) for part in parts):
         return np.array(given)
@@ -91,7 +91,7 @@ def without_mask(given: Any) -> NDArray[Any]:
 
 
 def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.float64]:
-    """A fresh array of doubles; NaN is kept, masked is NaN, infinity and non-numbers raise.
+    """Copy as doubles; NaN is kept, masked is NaN, infinity and non-numbers raise.
 
     Parameters
     ----------
@@ -117,14 +117,14 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
 
 
 def switch(given: Any, field: str, error: type[SetidError]) -> bool:
-    """True or False; words such as "no" raise."""
+    """Check True or False; words such as "no" raise."""
     if not isinstance(given, (bool, np.bool_)):
         raise error(f"{field}: found {given!r:.60}, expected True or False")
     return bool(given)
 
 
 def word(given: Any, field: str, words: Iterable[str], error: type[SetidError]) -> str:
-    """One of some words; arrays and others that cannot be compared raise too."""
+    """Check one of some words; arrays and others that cannot be compared raise too."""
     known = list(words)
     if not isinstance(given, str) or given not in known:
         listed = " or ".join(map(repr, known)) if len(known) < 3 else f"one of {', '.join(known)}"
@@ -133,7 +133,7 @@ def word(given: Any, field: str, words: Iterable[str], error: type[SetidError]) 
 
 
 def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> list[Any]:
-    """The items of a list; what cannot be gone through raises."""
+    """List the items of a list; what cannot be gone through raises."""
     try:
         return list(given)
     except TypeError:
@@ -143,7 +143,7 @@ def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> li
 def natural(
     given: Any, field: str, error: type[SetidError], least: int = 0, most: int | None = None
 ) -> int:
-    """An integer of at least ``least``, at most ``most``; booleans and fractions raise."""
+    """Check an integer from ``least`` to ``most``; booleans and fractions raise."""
     whole = isinstance(given, numbers.Integral) and not isinstance(given, (bool, np.bool_))
     if not whole or int(given) < least:
         raise error(f"{field}: found {given!r}, expected an integer >= {least}")
@@ -153,7 +153,7 @@ def natural(
 
 
 def number(given: Any, field: str, error: type[SetidError]) -> float:
-    """A real number that is not NaN; infinity is allowed."""
+    """Check a real number that is not NaN; infinity is allowed."""
     real = isinstance(given, numbers.Real) and not isinstance(given, (bool, np.bool_))
     try:
         value = float(given) if real else np.nan
@@ -165,7 +165,7 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
 
 
 def parameters_of(theta: Any, names: Sequence[str]) -> NDArray[np.float64]:
-    """Parameters (p,) in order, from an array or a mapping of names to numbers; none missing."""
+    """Read parameters (p,) in order, from an array or a mapping; none may be missing."""
     if isinstance(theta, Mapping):
         if set(theta) != set(names):
             raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
@@ -179,7 +179,7 @@ def parameters_of(theta: Any, names: Sequence[str]) -> NDArray[np.float64]:
 
 
 def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:
-    """Samples as rows and channels as columns, (N, channels), each with some number."""
+    """Check samples as rows and channels as columns, (N, channels), each with some number."""
     values = real_array(given, field, DataError)
     if values.ndim == 1:
         values = values[:, None]
@@ -192,7 +192,7 @@ def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:
 
 
 def starts_of(given: Sequence[int] | NDArray[np.int64] | None, samples: int) -> NDArray[np.int64]:
-    """Row numbers at which records begin."""
+    """Check the row numbers at which records begin."""
     values = np.zeros(1, np.int64) if given is None else np.array(given)
     whole = values.ndim == 1 and values.size > 0 and np.issubdtype(values.dtype, np.integer)
     if not whole or values[0] != 0 or np.any(np.diff(values) <= 0) or values[-1] >= samples:
@@ -204,7 +204,7 @@ def starts_of(given: Sequence[int] | NDArray[np.int64] | None, samples: int) -> 
 
 
 def range_of(given: ArrayLike | None, field: str, channels: int) -> NDArray[np.float64] | None:
-    """A range for each channel, (channels, 2)."""
+    """Check a range for each channel, (channels, 2)."""
     if given is None:
         return None
     values = real_array(given, field, DataError)

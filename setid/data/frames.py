@@ -34,7 +34,7 @@ def require_pandas() -> ModuleType:
 
 
 def series_names(given: Any) -> tuple[str, ...] | None:
-    """Names of the columns of a DataFrame or of a Series; None without any.
+    """Read column names of a DataFrame or of a Series; None without any.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def series_names(given: Any) -> tuple[str, ...] | None:
 
 
 def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray[np.float64], str]:
-    """A column (N,) of a DataFrame as doubles, missing values as NaN, and its unit.
+    """Read a DataFrame's column (N,) as doubles, missing values as NaN, and its unit.
 
     Parameters
     ----------

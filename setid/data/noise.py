@@ -29,10 +29,10 @@ class NoiseVariables(Protocol):
         """Rows at which records begin, shape (records,)."""
 
     def group(self, name: str) -> NDArray[np.int64]:
-        """Variable numbers of a group, -1 where a sample has no variable."""
+        """List variable numbers of a group, -1 where a sample has no variable."""
 
     def polynomial(self, number: int) -> sp.Polynomial:
-        """A variable by number, as a polynomial in all variables."""
+        """Write a variable by number, as a polynomial in all variables."""
 
 
 NoiseConstraint = Callable[[Any], Iterable[sp.Constraint]]
@@ -157,7 +157,7 @@ class Noise:
             object.__setattr__(self, key, value)
 
     def covering(self, delta: float | EstimatedBound) -> Noise:
-        """The same noise on outputs that differ from the model's by at most ``delta``.
+        """Widen the noise to outputs that differ from the model's by at most ``delta``.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class Noise:
     def bounds(
         self, data: IOData
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Bounds of output noise (N, ny), input noise (N, nu) and equation error (N, ny).
+        """Compute bounds of output noise (N, ny), input noise (N, nu), equation error (N, ny).
 
         Parameters
         ----------
@@ -291,7 +291,7 @@ class RateLimit:
 def estimate_noise_bound(
     zero_input_record: IOData | ArrayLike, margin: float = 1.0, offset: bool = True
 ) -> EstimatedBound:
-    """Noise bound of a sensor from a record taken at rest, with zero input.
+    """Estimate a sensor's noise bound from a record taken at rest, with zero input.
 
     Parameters
     ----------

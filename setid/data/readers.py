@@ -31,7 +31,7 @@ def _check_distinct(
 def read_mat_columns(
     path: str | os.PathLike[str], names: Sequence[str]
 ) -> list[NDArray[np.float64]]:
-    """Variables of a MATLAB file (up to version 7), each as columns (N, c).
+    """Read variables of a MATLAB file (up to version 7), each as columns (N, c).
 
     Length decides between rows and columns: the longer side holds the samples.
 
@@ -67,7 +67,7 @@ def read_mat_columns(
 
 
 def listed(given: Column | Sequence[Column]) -> list[Any]:
-    """One column or several, as a list."""
+    """List one column or several."""
     if isinstance(given, (str, int)):
         return [given]
     if not isinstance(given, Sequence):
@@ -76,7 +76,7 @@ def listed(given: Column | Sequence[Column]) -> list[Any]:
 
 
 def stacked(columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Columns side by side, shape (N, channels)."""
+    """Stack columns side by side, shape (N, channels)."""
     if not columns:
         raise DataError("inputs, outputs: found no column, expected at least one each")
     if len({column.shape[0] for column in columns}) > 1:

@@ -353,7 +353,7 @@ class IOData:
     # ---- parts --------------------------------------------------------------------------
 
     def with_outputs(self, y: ArrayLike) -> IOData:
-        """The same record with other outputs; nothing is said of its inputs again.
+        """Replace the outputs of the record; nothing is said of its inputs again.
 
         Parameters
         ----------
@@ -382,7 +382,7 @@ class IOData:
 
     @staticmethod
     def concat(records: Iterable[IOData]) -> IOData:
-        """Several records of one system as one set of data; equations never cross a join.
+        """Join several records of one system; equations never cross a join.
 
         Parameters
         ----------
@@ -418,7 +418,7 @@ class IOData:
         )
 
     def split(self, at: float) -> tuple[IOData, IOData]:
-        """Estimation and validation parts: the rows before ``at`` and those from it on.
+        """Split in estimation and validation parts: the rows before ``at`` and from it on.
 
         Parameters
         ----------
@@ -435,7 +435,7 @@ class IOData:
         return self._rows(slice(0, row)), self._rows(slice(row, None))
 
     def decimate(self, m: int) -> IOData:
-        """Every m-th sample of each record, without filtering.
+        """Take every m-th sample of each record, without filtering.
 
         A kept sample obeys its noise bound as before. That the discrete model still holds
         presumes an input that does not change between kept samples; the result says so.

@@ -72,7 +72,7 @@ class ContinuousEstimate:
         return np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
 
     def table(self) -> str:
-        """One row a coefficient."""
+        """Print one row a coefficient."""
         line = "{:<10}{:>15}{:>15}{:>15}"
         lines = [line.format("parameter", "nominal", "sampled low", "sampled high")]
         for name, value, (low, high) in zip(self.names, self.nominal, self.ranges, strict=True):

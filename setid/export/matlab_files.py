@@ -104,7 +104,7 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
 
 
 def ureal_script(result: FeasibleSet) -> str:
-    """The script of :func:`to_ureal`.
+    """Write the script of :func:`to_ureal`.
 
     Parameters
     ----------

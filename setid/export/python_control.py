@@ -81,7 +81,7 @@ def to_control(
     samples: int = 100,
     seed: int = 0,
 ) -> ControlModels:
-    """Models of python-control: nominal, vertices and multiplicative uncertainty weight.
+    """Convert to models of python-control: nominal, vertices and multiplicative uncertainty weight.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _control() -> ModuleType:
 def coefficients(
     model: Structure, theta: Reals, output: int = 1, input: int = 1
 ) -> tuple[list[float], list[float]]:
-    """Numerator and denominator in falling powers of z, or of s, of equal length.
+    """List numerator and denominator in falling powers of z, or s, of equal length.
 
     Parameters
     ----------

@@ -143,7 +143,9 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
 
 
 def fit(measured: Reals, modelled: Reals) -> Reals:
-    """100 (1 - |e| / |y - mean y|) for each output, over samples where both are there.
+    """Compute 100 (1 - |e| / |y - mean y|) of each output.
+
+    Samples count where both are known.
 
     Parameters
     ----------
@@ -174,7 +176,7 @@ def fit(measured: Reals, modelled: Reals) -> Reals:
 
 
 def per_cent(fits: Reals) -> str:
-    """Fits for people; where readings never change there is nothing to fit.
+    """Write fits for people; where readings never change there is nothing to fit.
 
     Parameters
     ----------
@@ -192,7 +194,7 @@ def per_cent(fits: Reals) -> str:
 
 
 def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
-    """Samples (N,) from which a simulation starts, which do not count for the fit.
+    """Mark samples (N,) from which a simulation starts, which do not count.
 
     Parameters
     ----------
@@ -209,7 +211,7 @@ def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
 
 
 def simulated(model: Structure, theta: Reals, data: IOData) -> Reals:
-    """Outputs (N, ny) of a simulation, NaN at the samples from which it starts.
+    """Simulate outputs (N, ny), NaN at the samples from which the simulation starts.
 
     Parameters
     ----------
@@ -223,7 +225,7 @@ def simulated(model: Structure, theta: Reals, data: IOData) -> Reals:
 
 
 def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
-    """One-step predictions (N, ny) from the readings, NaN where no row predicts.
+    """Predict one step (N, ny) from the readings, NaN where no row predicts.
 
     Parameters
     ----------

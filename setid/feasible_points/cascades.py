@@ -204,7 +204,7 @@ def tightened_cascade(
 
 
 def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
-    """All unknowns of a formulation that go with parameters: signals and noise of a simulation.
+    """Complete parameters to all unknowns, by signals and noise of a simulation.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
 
 
 def attained_result(about: sp.Problem, point: sp.ProvedPoint | None) -> sp.Result:
-    """A result of the engine that claims a point, and no bound.
+    """Make a result of the engine that claims a point, and no bound.
 
     Parameters
     ----------

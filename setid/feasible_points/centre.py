@@ -79,7 +79,7 @@ _MEMBERSHIP = {
 
 
 def central(result: FeasibleSet) -> Central:
-    """The centre of the outer intervals, its worst-case error, and whether it is consistent.
+    """Find the centre of the outer intervals, its worst-case error, and its consistency.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class Estimate:
 
 
 def least_squares(data: IOData, model: Structure) -> Estimate:
-    """Batch least squares: minimise the sum of squared equation residuals.
+    """Minimise the sum of squared equation residuals, in one batch.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def recursive_least_squares(
     initial: ArrayLike | None = None,
     covariance: float | ArrayLike = 1e8,
 ) -> Estimate:
-    """Least squares row by row, as it would run online.
+    """Update least squares row by row, as it would run online.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def _information_root(
 
 
 def l1(data: IOData, model: Structure) -> Estimate:
-    """Least sum of absolute residuals, by a linear program.
+    """Minimise the sum of absolute residuals, by a linear program.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def l1(data: IOData, model: Structure) -> Estimate:
 
 
 def linf(data: IOData, model: Structure) -> Estimate:
-    """Least largest absolute residual, by a linear program.
+    """Minimise the largest absolute residual, by a linear program.
 
     The cost is the least bound of an equation error that explains the data (up to the
     accuracy of the solver).

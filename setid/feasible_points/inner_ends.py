@@ -18,7 +18,7 @@ Ends = tuple[float, float]
 def inner_ends(
     points: Sequence[sp.ProvedPoint | None], place: int
 ) -> tuple[Ends | None, tuple[NDArray[Any] | None, NDArray[Any] | None]]:
-    """The lowest and highest attained values of a parameter, and where.
+    """Find the lowest and highest attained values of a parameter, and where.
 
     Parameters
     ----------

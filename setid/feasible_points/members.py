@@ -38,7 +38,7 @@ ROUNDING = 1e-9  # excess of the noise level that is put down to the linear prog
 
 
 def noise_level(formulation: Formulation, theta: Reals) -> float:
-    """Factor on all noise bounds that theta needs; NaN where no linear program can tell."""
+    """Compute the factor on all noise bounds that theta needs; NaN where unknown."""
     try:
         witness: Witness = least_noise(formulation, theta)
     except ModelError:
@@ -75,7 +75,7 @@ def _priors_hold(formulation: Formulation, x: Reals) -> bool:
 
 
 def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
-    """Consistent parameter vectors: attained ones, and mixtures of them that are consistent.
+    """List consistent parameter vectors: attained ones, and consistent mixtures of them.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
 
 
 def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]:
-    """The number of mixtures and the seed, checked also where what is proved needs neither.
+    """Check the number of mixtures and the seed, also where neither is needed.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def _least_level(result: FeasibleSet) -> Reals | None:
 
 
 def feasible(result: FeasibleSet) -> Reals:
-    """A consistent parameter vector, well inside where the set is convex.
+    """Find a consistent parameter vector, well inside where the set is convex.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def feasible(result: FeasibleSet) -> Reals:
 
 
 def projection_estimate(result: FeasibleSet) -> Reals:
-    """The parameter vector whose equations fit the readings best in the worst row.
+    """Fit the parameter vector whose equations suit the readings best in the worst row.
 
     Minimises the largest abs(Y_k + R_k theta) over the outer box, by a linear program; for
     equation errors this is the least noise bound that explains the data.
@@ -230,7 +230,7 @@ def projection_estimate(result: FeasibleSet) -> Reals:
 
 
 def nominal(result: FeasibleSet) -> Reals:
-    """The centre where it is consistent, else a consistent vector, else the centre anyway."""
+    """Choose the centre where consistent, else a consistent vector, else the centre anyway."""
     result.require_members()
     centre = result.middle
     if centre is None:

@@ -52,14 +52,14 @@ class _Simulation:
         self.first = np.concatenate([theta, self.values[self.free].ravel()])
 
     def outputs(self, x: Reals) -> Reals:
-        """Outputs (N, ny)."""
+        """Simulate outputs (N, ny)."""
         y = self.values.copy()
         y[self.free] = x[self.count :].reshape(-1, self.data.outputs)
         with np.errstate(over="ignore", invalid="ignore"):
             return run(self.model, x[: self.count], self.data.with_outputs(y))
 
     def errors(self, x: Reals) -> Reals:
-        """Errors at the known readings; huge where the simulation overflows."""
+        """Compute errors at known readings; huge where the simulation overflows."""
         check()
         try:
             errors = (self.outputs(x) - self.data.y)[self.known]
@@ -69,7 +69,7 @@ class _Simulation:
         return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
 
     def at(self, denominator: Reals, shares: Callable[[Reals], Reals], norm: str = "linf") -> Reals:
-        """The other unknowns with the least shares in a norm, where a denominator is given."""
+        """Complete a given denominator by the unknowns with the least shares in a norm."""
         places = [self.model.parameters.index(n) for n in self.model.transfer(1, 1).denominator]
         x = self.first.copy()
         x[places] = denominator
@@ -102,7 +102,7 @@ class _Simulation:
         return best
 
     def fitted(self) -> Reals:
-        """Local minimiser of the squares, or the best vector until time is over."""
+        """Fit by least squares: a local minimiser, or the best vector in time."""
         if np.any(np.abs(self.errors(self.first)) >= _HUGE):
             return self.first
         best, least = self.first, inf

@@ -117,7 +117,7 @@ def _polished(formulation: Formulation, x: Reals) -> Reals | None:
 
 
 def recheck_results(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
-    """Results with what their certificates prove when they are walked once more.
+    """Walk certificates once more, and return results with what they prove then.
 
     Trees are made at several cut-offs and walked at the last of them: should rounding make a box
     larger than its argument allows, that part keeps what its box proves, here and not at the

@@ -53,7 +53,7 @@ class Fitting:
         object.__setattr__(self, "_given", given)
 
     def errors(self, theta: Reals) -> tuple[Reals, Reals]:
-        """Errors in noise bounds (R,), and their slopes (R, d)."""
+        """Compute errors in noise bounds (R,), and their slopes (R, d)."""
         signals = self._run(theta)
         data, errors, slopes = self.formulation.data, [], []
         bound = self.formulation.noise.bounds(data)[0]
@@ -66,7 +66,7 @@ class Fitting:
         return np.concatenate(errors), np.concatenate(slopes)
 
     def simulated(self, theta: Reals) -> dict[str, Reals]:
-        """Samples (N,) of every signal; NaN before the first one that is asked."""
+        """Simulate every signal (N,); NaN before the first sample that is asked."""
         every = self._run(theta).items()
         return {name: np.where(np.isinf(form.rest), np.nan, form.value) for name, form in every}
 
@@ -77,7 +77,7 @@ class Fitting:
         )
 
     def level(self, theta: Reals) -> float:
-        """The largest error in noise bounds; infinite where it is no number."""
+        """Compute the largest error in noise bounds; infinite where it is no number."""
         found = np.abs(self.errors(theta)[0])
         return float(found.max()) if np.all(np.isfinite(found)) else np.inf
 
@@ -168,7 +168,7 @@ def _fitted(fitting: Fitting, theta: Reals, deadline: Deadline) -> tuple[Reals, 
 
 
 def reached_ends(fitting: Fitting, inside: Reals, deadline: Deadline) -> list[Reals]:
-    """Consistent parameters at the ends of each parameter, as far as they are found.
+    """Search consistent parameters at the ends of each parameter, as far as found.
 
     Parameters
     ----------

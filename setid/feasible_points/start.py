@@ -21,7 +21,7 @@ __all__ = ["Repair", "candidates", "first_point"]
 
 
 def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
-    """Parameter vectors that may be consistent: the middle of the box, and least squares."""
+    """List parameter vectors that may be consistent: the box's middle, and least squares."""
     p = len(formulation.parameters)
     found = []
     with np.errstate(invalid="ignore"):
@@ -35,7 +35,7 @@ def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np
 
 
 def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.float64] | None:
-    """The candidate that needs the least noise, with that noise."""
+    """Choose the candidate that needs the least noise; return it with that noise."""
     best: tuple[float, NDArray[np.float64] | None] = (inf, None)
     for theta in chain(candidates(formulation, problem), _simulated(formulation, problem)):
         try:

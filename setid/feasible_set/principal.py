@@ -77,7 +77,7 @@ def _negated(result: FeasibleSet, direction: Sequence[float]) -> sp.Polynomial:
 
 @lru_cache(maxsize=4)
 def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Reals]:
-    """Cover of a feasible set with proved ranges along principal axes and their diagonals.
+    """Cover a feasible set by proved ranges along principal axes and their diagonals.
 
     The last few results are kept, so that several bands of one result ask once.
 

@@ -78,7 +78,7 @@ class Proposer:
         return self._middle + self._unit * np.reshape(found, (-1, self._unit.size))
 
     def multipliers(self, directions: Reals) -> Iterator[Proposal]:
-        """Multipliers for the largest values of directions (K, p) times x."""
+        """Propose multipliers for the largest values of directions (K, p) times x."""
         goals = directions * self._unit
         sizes = np.abs(goals).max(axis=1, initial=0.0)
         open_ = (sizes > 0.0) & np.isfinite(sizes)
@@ -92,7 +92,7 @@ class Proposer:
             open_[first] = False
 
     def contradiction(self) -> Reals | None:
-        """Multipliers (m,) that a program proposes as proof that there is no point.
+        """Propose multipliers (m,) that prove that there is no point.
 
         They are prices of the least t with matrix x - t <= right, in units of the box.
         """

@@ -48,7 +48,7 @@ class _Grown:
 
 
 def principal_directions(slopes: Reals, units: Reals) -> Reals:
-    """Directions (p, p) along which outputs change independently of each other.
+    """Find directions (p, p) along which outputs change independently of each other.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ __all__ = ["find_box", "parameter_box"]
 
 
 def find_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:
-    """The box of the parameters that data and priors prove, None where no rows tell.
+    """Find the box of parameters that data and priors prove, None where nothing tells.
 
     Parameters
     ----------

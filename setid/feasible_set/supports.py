@@ -18,7 +18,7 @@ Reals = NDArray[np.float64]
 
 
 def cover_of(result: FeasibleSet) -> Cover:
-    """Box and rows in theta alone that follow from a result.
+    """Collect box and rows in theta alone that follow from a result.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def cover_of(result: FeasibleSet) -> Cover:
 
 
 def supports(cover: Cover, directions: NDArray[Any] | list[list[float]]) -> Reals:
-    """Proved least and largest value of linear functions of theta.
+    """Bound linear functions of theta from both sides, with proof.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class Rows:
     item: NDArray[np.int64]
 
     def of_sample(self, k: int, record: int = 1) -> list[int]:
-        """Constraints of sample k of a record.
+        """List constraints of sample k of a record.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Rows:
         return np.flatnonzero((self.sample == k) & (self.record == record)).tolist()
 
     def of_prior(self, place: int) -> list[int]:
-        """Constraints of one prior, by its place among them.
+        """List constraints of one prior, by its place among them.
 
         Parameters
         ----------

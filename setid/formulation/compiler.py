@@ -140,11 +140,11 @@ class Assembled:
     letters: Integers
 
     def take(self, rows: Integers) -> Assembled:
-        """Some of the rows."""
+        """Take some of the rows."""
         return Assembled(self.constant[rows], self.coefficients[rows], self.letters[rows])
 
     def minus(self, variable: Integers) -> Assembled:
-        """The rows minus one variable each; -1 for none."""
+        """Subtract one variable from each row; -1 for none."""
         present = variable >= 0
         if not np.any(present):
             return self
@@ -241,7 +241,7 @@ def _polynomials(
 def equalities(
     assembled: Assembled, names: tuple[str, ...], labels: Sequence[str]
 ) -> list[sp.Constraint]:
-    """Rows == 0."""
+    """State rows == 0."""
     rows = _polynomials(assembled.constant, assembled, 1.0, names)
     return [sp.Constraint(p, sp.Kind.ZERO, label) for p, label in zip(rows, labels, strict=True)]
 
@@ -249,7 +249,7 @@ def equalities(
 def bands(
     assembled: Assembled, width: Reals, names: tuple[str, ...], labels: Sequence[str]
 ) -> list[sp.Constraint]:
-    """-width <= row <= width, two inequalities each; their constants are rounded outwards."""
+    """State -width <= row <= width, two inequalities each, constants rounded outwards."""
     below = _polynomials(_sum_above(width, assembled.constant), assembled, 1.0, names)
     above = _polynomials(_sum_above(width, -assembled.constant), assembled, -1.0, names)
     kind = sp.Kind.NONNEGATIVE

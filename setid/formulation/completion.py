@@ -79,7 +79,7 @@ def complete_point(
     noise: Mapping[str, ArrayLike | None],
     signals: Mapping[str, ArrayLike],
 ) -> NDArray[np.float64]:
-    """The vector of unknowns; see :meth:`Formulation.point`."""
+    """Complete the vector of unknowns; see :meth:`Formulation.point`."""
     layout = formulation.layout
     x = np.full(layout.dimension, np.nan)
     x[layout.group("theta")] = theta
@@ -190,7 +190,7 @@ def _best_fit(
 def polished(
     formulation: Stated, x: NDArray[np.float64], free: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Newton's shortest steps to the equations, which linear programs hold to a tolerance only.
+    """Correct a point by Newton's shortest steps to the equations, which linear programs miss.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def _least_squares(matrix: sps.csr_array, right: NDArray[np.float64]) -> NDArray
 
 
 def held_unknowns(formulation: Stated) -> NDArray[np.bool_]:
-    """Unknowns whose bounds are noise bounds, shape (n,)."""
+    """Mark unknowns whose bounds are noise bounds, shape (n,)."""
     found = np.zeros(formulation.layout.dimension, bool)
     for group in ("eta", "xi", "e"):
         numbers = formulation.layout.group(group)
@@ -227,7 +227,7 @@ def held_unknowns(formulation: Stated) -> NDArray[np.bool_]:
 
 
 def defined_unknowns(formulation: Stated) -> NDArray[np.bool_]:
-    """Unknowns whose bounds follow from those of others: samples of internal signals."""
+    """Mark unknowns whose bounds follow from those of others: samples of internal signals."""
     groups = formulation.layout.groups
     found = np.zeros(formulation.layout.dimension, bool)
     for name in groups.keys() & set(formulation.rows.equation):
@@ -268,7 +268,7 @@ def noise_shares(formulation: Stated, theta: NDArray[np.float64]) -> dict[str, f
 
 
 def band_width(formulation: Stated) -> NDArray[np.float64]:
-    """Bound of the equation error of each row that has one eliminated, shape (m,)."""
+    """Compute the bound of each row's eliminated equation error, shape (m,)."""
     rows, data = formulation.rows, formulation.data
     bound = formulation.noise.bounds(data)[2]
     width, channels = np.zeros(len(rows.origin)), {}

@@ -97,7 +97,7 @@ class Formulation:
         return self.model.parameters
 
     def equation(self, k: int, record: int = 1) -> str:
-        """The model's equations at sample k, with numbers, as text.
+        """Print the model's equations at sample k, with numbers, as text.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class Formulation:
         equation: ArrayLike | None = None,
         signals: Mapping[str, ArrayLike] | None = None,
     ) -> NDArray[np.float64]:
-        """The vector of all unknowns that goes with parameters and noise.
+        """Complete parameters and noise to the vector of all unknowns.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Formulation:
         return complete_point(self, self.parameter_vector(theta), noise, signals or {})
 
     def witness(self, theta: ArrayLike | Mapping[str, float]) -> Any:
-        """Deprecated name of :func:`setid.least_noise`.
+        """Call :func:`setid.least_noise`, of which this is the deprecated name.
 
         Parameters
         ----------
@@ -373,7 +373,7 @@ def to_structs(
 
 
 def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, Noise]:
-    """A structure at the sampling interval of the data, and the noise with its ``delta``."""
+    """Settle a structure at the data's sampling interval, and the noise with its ``delta``."""
     model = at_rate(model, data.Ts)
     if not isinstance(model, ContinuousTransferFunction):
         return model, noise

@@ -61,7 +61,7 @@ class Layout:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Number of a variable by name.
+        """Find the number of a variable by name.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Layout:
         return self._places[name]
 
     def group(self, name: str) -> NDArray[np.int64]:
-        """Variable numbers of a group.
+        """List variable numbers of a group.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class Layout:
         return self.groups[name]
 
     def variable(self, name: str) -> sp.Polynomial:
-        """A variable by name, as a polynomial in all variables.
+        """Write a variable by name, as a polynomial in all variables.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class Layout:
         return self.polynomial(self.index(name))
 
     def polynomial(self, number: int) -> sp.Polynomial:
-        """A variable by number, as a polynomial in all variables.
+        """Write a variable by number, as a polynomial in all variables.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Layout:
         return sp.Polynomial(frozen(word), frozen(np.ones(1)), self.dimension, self.names)
 
     def lift(self, polynomial: sp.Polynomial, numbers: NDArray[np.int64]) -> sp.Polynomial:
-        """A polynomial in few variables as one in all, variable i becoming ``numbers[i]``.
+        """Lift a polynomial in few variables to all, variable i becoming ``numbers[i]``.
 
         Parameters
         ----------
@@ -148,14 +148,14 @@ class LayoutBuilder:
             self._labels = [f"[{r + 1},{k}]" for r, k in pairs]
 
     def named(self, group: str, names: Sequence[str]) -> NDArray[np.int64]:
-        """One variable for each name."""
+        """Add one variable for each name."""
         first = len(self._names)
         self._names.extend(names)
         self._groups[group] = frozen(np.arange(first, first + len(names)))
         return self._groups[group]
 
     def samples(self, group: str, present: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """One variable for each sample that is present, shape (N,) or (N, channels)."""
+        """Add one variable for each sample that is present, shape (N,) or (N, channels)."""
         numbers = np.full(present.shape, -1)
         columns = present.reshape(len(present), -1)
         flat = numbers.reshape(columns.shape)
@@ -168,7 +168,7 @@ class LayoutBuilder:
         return numbers
 
     def finish(self) -> Layout:
-        """The layout, with all names distinct."""
+        """Make the layout, with all names distinct."""
         places = {name: number for number, name in enumerate(self._names)}
         if len(places) != len(self._names):
             twice = sorted({name for name in self._names if self._names.count(name) > 1})

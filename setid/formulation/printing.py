@@ -31,7 +31,7 @@ def rounded(value: float, up: bool, digits: int = 8) -> str:
 def equation_text(
     equation: Equation, sample: int, data: IOData, layout: Layout, noise: Noise
 ) -> str:
-    """One row of an equation: readings in numbers, unknowns by name.
+    """Print one row of an equation: readings in numbers, unknowns by name.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ def build_products(
     usable: Mapping[str, NDArray[np.bool_]],
     equation_bound: Reals,
 ) -> ProductRows | None:
-    """Rows of a block structure whose outputs are sums of products; None for other models.
+    """Build rows of block structures with sums of products; None for other models.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Regression(UncertainRows):
 def usable_samples(
     data: IOData, ranges: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, NDArray[np.bool_]]:
-    """For each measured signal, which samples are known or have a range."""
+    """Mark, for each measured signal, which samples are known or have a range."""
     return {
         f"{letter}{channel + 1}": ~np.isnan(column)
         | np.isfinite(ranges[f"{letter}{channel + 1}"]).all(axis=1)
@@ -85,7 +85,7 @@ def usable_samples(
 
 
 def driven_signals(data: IOData, model: Structure) -> dict[str, Signal]:
-    """Known functions of exact inputs that a block structure asks for; NaN where unknown."""
+    """Compute the functions of exact inputs that a structure asks for; NaN where unknown."""
     if not isinstance(model, BlockStructured):
         return {}
     none = np.full(data.samples, -1)
@@ -104,7 +104,7 @@ def build_regression(
     usable: Mapping[str, NDArray[np.bool_]],
     equation_bound: Reals,
 ) -> Regression | None:
-    """Regression rows of a model, None if it has none.
+    """Build regression rows of a model, None if it has none.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def rows_of(
     signals: Mapping[str, Signal],
     equation_bound: Reals,
 ) -> Regression:
-    """Rows of planned equations of outputs, linear in products of parameters.
+    """Build rows of planned equations of outputs, linear in products of parameters.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _rows(
 
 
 def regression_of_data(data: IOData, model: Structure) -> Regression:
-    """Regression rows of the readings, as if they were exact; rows with gaps left out.
+    """Build regression rows of readings as if exact; rows with gaps left out.
 
     Raises
     ------

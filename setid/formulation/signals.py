@@ -48,7 +48,7 @@ class Signal:
     radius: Reals
 
     def at(self, rows: Integers, lag: int, first: Integers) -> tuple[Reals, Reals, Integers]:
-        """Known part, slope and variable ``lag`` samples before the rows."""
+        """Take known part, slope and variable ``lag`` samples before the rows."""
         place, inside = _places(rows, lag, first)
         return (
             np.where(inside, self.known[place], 0.0),
@@ -57,7 +57,7 @@ class Signal:
         )
 
     def ball(self, rows: Integers, lag: int, first: Integers) -> Ball:
-        """Range ``lag`` samples before the rows."""
+        """Take the range ``lag`` samples before the rows."""
         place, inside = _places(rows, lag, first)
         return Ball(
             np.where(inside, self.centre[place], 0.0), np.where(inside, self.radius[place], 0.0)
@@ -77,7 +77,7 @@ def measured(
     missing: Integers,
     limits: Reals,
 ) -> Signal:
-    """A measured channel.
+    """Make the signal of a measured channel.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def measured(
 
 
 def unknown(variable: Integers, low: Reals, high: Reals) -> Signal:
-    """A signal that nobody measures, with the range of each sample."""
+    """Make a signal that nobody measures, with the range of each sample."""
     centre, radius = _ball(low, high)
     present = variable >= 0
     return Signal(np.zeros(variable.size), present.astype(float), variable, centre, radius)
@@ -126,7 +126,7 @@ def product(
     first: Integers,
     coefficient: float = 1.0,
 ) -> Ball:
-    """Range of coefficient * product of lagged signals at the rows.
+    """Enclose coefficient * product of lagged signals at the rows.
 
     A single factor without a coefficient keeps its ball exactly; the radius of others is
     rounded up, and products of several are rounded outwards. The centres become
@@ -184,7 +184,7 @@ def _power(ball: Ball, power: int) -> Ball:
 def internal_range(
     equation: Equation, signals: dict[str, Signal], rows: Integers, first: Integers
 ) -> tuple[Reals, Reals]:
-    """Range of the signal that an equation without parameters defines, at the rows."""
+    """Enclose the signal that an equation without parameters defines, at the rows."""
     low, high = np.zeros(rows.size), np.zeros(rows.size)
     for item in equation.terms[1:]:
         ball = product(item.signals, signals, rows, first, -item.coefficient)
@@ -200,7 +200,7 @@ Bounds = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 def missing_ranges(
     data: IOData, model: Structure, bounds: Bounds, parameters: Mapping[str, Interval]
 ) -> dict[str, NDArray[np.float64]]:
-    """Low and high ends for the missing samples of each measured signal.
+    """Take low and high ends for the missing samples of each measured signal.
 
     Parameters
     ----------

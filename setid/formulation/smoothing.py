@@ -34,7 +34,7 @@ def smoothed(
     model: Structure,
     bounds: tuple[Reals, Reals, Reals],
 ) -> Regression | None:
-    """The rows, and after them their sums through filters where equations ask for it.
+    """Append sums of the rows through filters where equations ask for it.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ __all__ = ["InUnits", "coupled_rows", "in_units", "sizes_of"]
 
 
 def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
-    """Sizes (n,) of the signals to which noise samples belong; 0 for other unknowns.
+    """Compute sizes (n,) of the signals to which noise samples belong, else 0.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ __all__ = ["convert", "convert_intervals", "equivalent"]
 def convert(
     model: BlockStructured, theta: ArrayLike | Mapping[str, float], normalise: Normalise
 ) -> dict[str, float]:
-    """The equivalent parameter vector in another normalisation.
+    """Convert a parameter vector to the equivalent one in another normalisation.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _check(model: BlockStructured) -> None:
 
 
 def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, Ends]:
-    """Proved intervals in another normalisation, by interval arithmetic on outer ones.
+    """Convert proved intervals to another normalisation, by interval arithmetic on outer ones.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names"
 
 
 def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
-    """Samples whose rows alone give an empty box, as the whole record does.
+    """Find samples whose rows alone give an empty box, as the whole record does.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _keys(box: ProvedBox, rows: Known) -> list[tuple[int, int]]:
 def conflicting_samples(
     formulation: Formulation, options: sp.Options | None, seconds: float
 ) -> Keys:
-    """Samples whose rows alone are proved to contradict each other.
+    """Find samples whose rows alone are proved to contradict each other.
 
     Parameters
     ----------

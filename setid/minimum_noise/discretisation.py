@@ -112,7 +112,7 @@ Priors = Iterable[Prior | sp.Constraint] | Prior | sp.Constraint
 def with_estimate(
     data: IOData, model: Structure, noise: Noise, priors: Priors, until: float = inf
 ) -> tuple[Structure, Noise, list[Prior | sp.Constraint]]:
-    """Structure and noise after ``delta="estimate"`` is settled, and the priors as a list.
+    """Settle ``delta="estimate"``; return structure, noise, and the priors as a list.
 
     Half of the time until ``until``, a reading of ``time.monotonic``, is for this at most.
     """
@@ -133,7 +133,7 @@ def estimate_delta(
     options: Options | None = None,
     margin: float = 1.0,
 ) -> EstimatedBound:
-    """The least bound ``delta`` of the discretisation error that is consistent with a record.
+    """Estimate the least discretisation error ``delta`` that is consistent with a record.
 
     Parameters
     ----------

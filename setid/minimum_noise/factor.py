@@ -84,7 +84,7 @@ class FoundFactor(NamedTuple):
 def search_factor(
     formulation: Formulation, x: NDArray[np.float64] | None, until: float
 ) -> FoundFactor | None:
-    """The least factor where parameters are not huge: a search, which needs no box.
+    """Search the least factor where parameters are not huge, without a box.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class Programs:
         self.basis[self._heard] = np.linalg.qr(self.known)[0]
 
     def basis_without(self, gain: int | None) -> Reals:
-        """Orthonormal columns (S - n, c - 1) without the one of a gain; all for None.
+        """Build orthonormal columns (S - n, c - 1) without a gain's; all for None.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Programs:
         return found
 
     def column(self, gain: int) -> Reals:
-        """The known column of a gain at the samples (S,) that rows give.
+        """Take the known column of a gain at the samples (S,) that rows give.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Programs:
         return np.sort(self.section[order[: self.known.shape[1]]])
 
     def solve(self, a: Reals, reference: Integers | None) -> tuple[float, Reals, Integers] | None:
-        """Noise that is needed, and the multiplier (N,); None where it cannot be computed."""
+        """Compute the noise needed, and the multiplier (N,); None where it cannot be computed."""
         basis = self.orthonormal(a)
         if basis is None:
             return None
@@ -133,7 +133,7 @@ class Programs:
         return found.level, self.whole(multiplier), found.reference
 
     def fitted(self, a: Reals) -> Reals | None:
-        """Outputs (S,) with the least error for one denominator; None where there are none.
+        """Fit outputs (S,) of least error for one denominator; None where there are none.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class Programs:
         return Approximation(-found.value, found.x, every, np.asarray(solved, np.float64))
 
     def orthonormal(self, a: Reals) -> Reals | None:
-        """Orthonormal outputs without noise, in noise bounds; None where they overflow."""
+        """Build orthonormal outputs without noise, in noise bounds; None where they overflow."""
         with np.errstate(all="ignore"):
             outputs = self.outputs(a)
             if outputs is None:
@@ -190,7 +190,7 @@ class Programs:
             return np.asarray(np.linalg.qr(outputs / self.bound[:, None])[0], np.float64)
 
     def multiplier(self, a: Reals, reference: Integers, shares: Reals) -> Reals | None:
-        """The multiplier (S - n,) that lets errors in at samples; None where it overflows."""
+        """Compute the multiplier (S - n,) of errors at samples; None where it overflows."""
         errors = np.zeros(self.y.size)
         np.add.at(errors, reference, shares)
         with np.errstate(all="ignore"):
@@ -200,7 +200,7 @@ class Programs:
         return found if np.all(np.isfinite(found)) else None
 
     def outputs(self, a: Reals) -> Reals | None:
-        """Outputs without noise (S, c + n s): of columns, and of n states in each stretch."""
+        """Compute noise-free outputs (S, c + n s) of columns and of each stretch's states."""
         n, count = self.order, self.known.shape[1]
         found, begin = np.zeros((self.y.size, count + n * len(self._stretches))), 0
         for number, part in enumerate(self._stretches):
@@ -232,7 +232,7 @@ class Programs:
         return np.array(columns).reshape(len(columns), count).T
 
     def adjoint(self, a: Reals, errors: Reals) -> Reals:
-        """Multipliers (S - n,) with sum_i a_i lambda(k + i) = errors(k), zero in silent rows."""
+        """Solve sum_i a_i lambda(k + i) = errors(k), zero in silent rows, (S - n,)."""
         found = np.zeros(self.y.size - self.order)
         for part in self._stretches:
             found[part] = _adjoint(a, errors[part.start : part.stop + self.order])

@@ -216,7 +216,7 @@ class ContinuousTransferFunction(InNotebook):
         return (*self._falling("a", self.n - 1), *self._falling("b", self.m), *constant)
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the transfer function.
+        """Name the coefficients of the transfer function.
 
         Parameters
         ----------
@@ -260,7 +260,7 @@ class ContinuousTransferFunction(InNotebook):
     # ---- rows ---------------------------------------------------------------------------
 
     def operator(self, power: int, signal: Literal["y", "u"] = "y") -> Reals:
-        """Lag coefficients of what stands for s^power in a row, (n + 1,) from lag 0.
+        """Compute lag coefficients of s^power's stand-in in a row, (n + 1,) from lag 0.
 
         Parameters
         ----------
@@ -286,7 +286,7 @@ class ContinuousTransferFunction(InNotebook):
         return np.pad(found, (0, self.n + 1 - found.size))
 
     def discrete(self, theta: ArrayLike) -> tuple[Reals, Reals]:
-        """Numerator and denominator of the recursion in powers of q^-1, (n + 1,) each.
+        """Compute numerator and denominator of the recursion in powers of q^-1, (n + 1,) each.
 
         Parameters
         ----------
@@ -303,7 +303,7 @@ class ContinuousTransferFunction(InNotebook):
         return np.asarray(top / bottom[0]), np.asarray(bottom / bottom[0])
 
     def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """One row a sample, affine in the coefficients; noise does not change its form.
+        """State one row a sample, affine in the coefficients; noise keeps its form.
 
         Parameters
         ----------
@@ -322,7 +322,7 @@ class ContinuousTransferFunction(InNotebook):
         return (Equation("y1", tuple(terms), error=True, differences=self.n),)
 
     def regression(self) -> tuple[Equation, ...]:
-        """The same rows, which are linear in theta."""
+        """State the same rows, which are linear in theta."""
         return self.equations()
 
     @property
@@ -343,7 +343,7 @@ class ContinuousTransferFunction(InNotebook):
 
 
 def at_rate(model: Structure, Ts: float) -> Structure:
-    """The structure at the sampling interval of a record.
+    """Fix the structure at the sampling interval of a record.
 
     Raises
     ------
@@ -358,7 +358,7 @@ def at_rate(model: Structure, Ts: float) -> Structure:
 
 
 def without_delta(model: Structure) -> Structure:
-    """The structure without its bound of the discretisation error."""
+    """Drop the bound of the discretisation error from a structure."""
     return replace(model, delta=0.0) if isinstance(model, ContinuousTransferFunction) else model
 
 

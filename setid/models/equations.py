@@ -46,7 +46,7 @@ class Term:
 
 
 def channel_of(signal: str) -> tuple[str, int] | None:
-    """Kind and channel (from 0) of a measured signal, None for an internal one.
+    """Find kind and channel (from 0) of a measured signal, None for an internal one.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def channel_of(signal: str) -> tuple[str, int] | None:
 
 
 def term(coefficient: float, parameter: str = "", *signals: Lagged) -> Term:
-    """A term with at most one parameter.
+    """Make a term with at most one parameter.
 
     Examples
     --------
@@ -173,14 +173,14 @@ class Structure(Protocol):
         """Names of the parameters, in the order of theta."""
 
     def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """Equations to compile, internal signals defined before they are used.
+        """State equations to compile, internal signals defined before they are used.
 
         ``noisy`` names the measured signals that are not known exactly; a structure may
         introduce internal signals to keep the degree down.
         """
 
     def regression(self) -> tuple[Equation, ...]:
-        """One equation an output in measured signals alone, linear in theta; () if none."""
+        """State one equation an output in measured signals, linear in theta; () if none."""
 
     def transfer(self, output: int, input: int) -> Transfer:
-        """Coefficients of the transfer function between two channels (from 1)."""
+        """Name coefficients of the transfer function between two channels (from 1)."""

@@ -39,7 +39,7 @@ _SUM = re.compile(r"\s*([+-]?)\s*([A-Za-z_]\w*)")
 
 
 def read_blocks(linear: Mapping[tuple[str, str], TransferFunction]) -> tuple[Block, ...]:
-    """Blocks of a mapping, checked.
+    """Read and check the blocks of a mapping.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def read_maps(
     channels: tuple[int, int],
     initial: str,
 ) -> Maps:
-    """Maps of a mapping, and the wiring of all, checked.
+    """Read and check the maps of a mapping, and the wiring of all.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def _check_rest(name: str, item: StaticMap) -> None:
 def read_normalisation(
     given: Any, wiring: Wiring
 ) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
-    """Fixed parameters with their numbers, and labels of blocks with static gain 1.
+    """Read fixed parameters with their numbers, and blocks with static gain 1.
 
     Raises
     ------
@@ -283,7 +283,7 @@ class BlockStructured(InNotebook):
             object.__setattr__(self, key, value)
 
     def normalised(self, normalise: Normalise) -> BlockStructured:
-        """The same structure with another normalisation (None for none).
+        """Change the normalisation of the structure (None for none).
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ class BlockStructured(InNotebook):
         return self.changed(fixed=fixed, unit_gain=gains)
 
     def changed(self, **parts: Any) -> BlockStructured:
-        """The same structure with some fields replaced.
+        """Replace some fields of the structure.
 
         Parameters
         ----------
@@ -343,7 +343,7 @@ class BlockStructured(InNotebook):
         return {b.label: self.wiring.transfer(b) for b in self.blocks}
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the linear block between two channels, or of the only one.
+        """Name coefficients of the linear block between two channels, or of the only one.
 
         Parameters
         ----------
@@ -368,7 +368,7 @@ class BlockStructured(InNotebook):
     # ---- equations ----------------------------------------------------------------------
 
     def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """Equations of all signals; maps of exact signals are inserted where form allows.
+        """State equations of all signals; maps of exact signals are inserted where form allows.
 
         Parameters
         ----------
@@ -383,7 +383,7 @@ class BlockStructured(InNotebook):
         return self.wiring.equations(frozenset(noisy), self.form)
 
     def direct(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """One equation an output in measured signals alone, with products of parameters.
+        """State one equation an output in measured signals alone, with products of parameters.
 
         Empty where internal signals cannot be eliminated.
 
@@ -395,12 +395,12 @@ class BlockStructured(InNotebook):
         return self.wiring.direct(frozenset(noisy))
 
     def regression(self) -> tuple[Equation, ...]:
-        """The direct equations where they are linear in the parameters, else none."""
+        """State the direct equations where they are linear in the parameters, else none."""
         found = self.direct()
         return found if all(e.linear_in_parameters for e in found) else ()
 
     def driven(self, inputs: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Samples of basis functions that are not powers, for inputs (N, nu) without noise.
+        """Evaluate basis functions that are not powers, for inputs (N, nu) without noise.
 
         Parameters
         ----------

@@ -151,7 +151,7 @@ class TransferFunction(InNotebook):
         return tuple(dict.fromkeys([*a, *b, *c]))
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the transfer function between two channels (from 1).
+        """Name coefficients of the transfer function between two channels (from 1).
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class TransferFunction(InNotebook):
     # ---- equations ----------------------------------------------------------------------
 
     def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """Difference equations; noise does not change their form.
+        """State difference equations; noise does not change their form.
 
         Parameters
         ----------
@@ -197,7 +197,7 @@ class TransferFunction(InNotebook):
         )
 
     def regression(self) -> tuple[Equation, ...]:
-        """Equations that are linear in theta: for one denominator an output, else none."""
+        """State equations linear in theta: for one denominator an output, else none."""
         direct = tuple(self._multiplied(i) for i in range(self.outputs))
         return direct if all(equation.linear_in_parameters for equation in direct) else ()
 
@@ -272,7 +272,7 @@ def _orders(given: object, field: str, outputs: int, inputs: int, least: int = 0
 
 
 def expand(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:
-    """Product of polynomials 1 + sum a_i q^-i as (lag, parameter names) pairs."""
+    """Multiply polynomials 1 + sum a_i q^-i to (lag, parameter names) pairs."""
     terms: list[tuple[int, tuple[str, ...]]] = [(0, ())]
     for names in denominators:
         factors = [(0, ()), *((lag, (name,)) for lag, name in enumerate(names, 1))]

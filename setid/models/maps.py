@@ -96,7 +96,7 @@ class StaticMap:
         return not any(callable(item) for item in self.basis)
 
     def text(self, place: int) -> str:
-        """A basis function for people.
+        """Write a basis function for people.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class StaticMap:
         return "*".join(factors) or "1"
 
     def value(self, place: int, *arguments: Reals) -> Reals:
-        """A basis function at samples of its arguments.
+        """Evaluate a basis function at samples of its arguments.
 
         Parameters
         ----------

@@ -119,7 +119,7 @@ class PolynomialNARX(InNotebook):
         initial: Initial = "free",
         degree_cut: bool = True,
     ) -> PolynomialNARX:
-        """All monomials up to a degree.
+        """Take all monomials up to a degree.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class PolynomialNARX(InNotebook):
         return [f"{label}[{text}]" for text in self.terms[i]]
 
     def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
-        """Difference equations; products of several noisy samples become internal signals.
+        """State difference equations; products of several noisy samples become internal signals.
 
         Parameters
         ----------
@@ -245,11 +245,11 @@ class PolynomialNARX(InNotebook):
         return (*products.values(), *difference)
 
     def regression(self) -> tuple[Equation, ...]:
-        """The same equations without internal signals; they are linear in theta."""
+        """State the same equations without internal signals; they are linear in theta."""
         return self.equations()
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Not defined for a nonlinear structure: raises.
+        """Refuse: a nonlinear structure has no transfer function.
 
         Parameters
         ----------

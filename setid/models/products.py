@@ -17,7 +17,7 @@ def cut_products(
     products: dict[str, Equation],
     text: Callable[[Monomial], str],
 ) -> Monomial:
-    """The monomial with its unknown part replaced by one internal signal.
+    """Replace the unknown part of a monomial by one internal signal.
 
     Parameters
     ----------

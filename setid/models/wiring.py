@@ -56,14 +56,14 @@ class Wiring:
     # ---- names --------------------------------------------------------------------------
 
     def transfer(self, block: Block) -> Transfer:
-        """Names of the coefficients of a block."""
+        """Name the coefficients of a block."""
         place = f"[{block.label}]" if len(self.blocks) > 1 else ""
         numerator = tuple(f"b{place}{lag}" for lag in range(block.nk, block.nk + block.nb))
         denominator = tuple(f"a{place}{lag}" for lag in range(1, block.na + 1))
         return Transfer(numerator, denominator, block.nk)
 
     def weights(self, name: str) -> tuple[str, ...]:
-        """Names of the coefficients of a map."""
+        """Name the coefficients of a map."""
         place = f"[{name}]" if len(self.maps) > 1 else ""
         return tuple(f"gamma{place}{m + 1}" for m in range(len(dict(self.maps)[name].basis)))
 
@@ -88,7 +88,7 @@ class Wiring:
         return Term(value, rest, item.signals)
 
     def map_terms(self, name: str, noisy: frozenset[str]) -> list[Term]:
-        """The sum that a map stands for."""
+        """Write the sum that a map stands for."""
         found, item = [], dict(self.maps)[name]
         for m, weight in enumerate(self.weights(name)):
             powers = item.basis[m]
@@ -187,7 +187,7 @@ class Wiring:
     # ---- equations ----------------------------------------------------------------------
 
     def equations(self, noisy: frozenset[str], form: Form) -> tuple[Equation, ...]:
-        """All signals; see :meth:`BlockStructured.equations`.
+        """State equations of all signals; see :meth:`BlockStructured.equations`.
 
         Maps of noisy signals are inserted where one product of parameters is enough for it;
         with more of them the relaxations of the engine were measured to grow too large, and
@@ -224,7 +224,7 @@ class Wiring:
         return self._bilinear(_ordered(found), unknown)
 
     def direct(self, noisy: frozenset[str]) -> tuple[Equation, ...]:
-        """Outputs in measured signals alone; see :meth:`BlockStructured.direct`."""
+        """State outputs in measured signals alone; see :meth:`BlockStructured.direct`."""
         inserted = {name for name, _ in self.maps if channel_of(name) is None}
         found = [self._map(name, noisy) for name, _ in self.maps if channel_of(name) is not None]
         outputs = [b.target for b in self.blocks if channel_of(b.target) is not None]
@@ -268,7 +268,7 @@ class Wiring:
         return tuple(found)
 
     def driven(self, inputs: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Basis functions that are not powers; see :meth:`BlockStructured.driven`."""
+        """Evaluate basis functions that are not powers; see :meth:`BlockStructured.driven`."""
         found = {}
         for name, item in self.maps:
             for m, entry in enumerate(item.basis):

@@ -269,7 +269,7 @@ def slope_at(name: str, x: Reals, leak: float = 0.0) -> Interval:
 
 
 def slope_range(name: str, leak: float = 0.0) -> tuple[float, float]:
-    """Least and largest slope of an activation over the whole line."""
+    """Find least and largest slope of an activation over the whole line."""
     if name == "identity":
         return 1.0, 1.0
     if name == "leaky_relu":
@@ -352,6 +352,6 @@ def linearise(name: str, x: Interval, leak: float = 0.0) -> tuple[Reals, Reals, 
 
 
 def row_sums(matrix: Reals) -> Reals:
-    """Upper bounds of the sums of absolute values along the last axis."""
+    """Bound the sums of absolute values along the last axis from above."""
     size = matrix.shape[-1]
     return up(np.sum(np.abs(matrix), axis=-1) * (1.0 + (size + 4.0) * 2.0**-52))

@@ -147,7 +147,7 @@ def from_torch(
         with _reading(source, "a file of torch", RuntimeError):
             source = torch.load(source, map_location="cpu", weights_only=True)
     if isinstance(source, Mapping):
-        return _from_state(_numbers(source), activation, _LEAK, _linear(output))
+        return _from_state(_numbers(source), activation, _linear(output))
     kind = type(source).__name__
     if kind == "Linear":
         return Network([_array(source.weight)], [_bias(source)], "identity")
@@ -159,7 +159,7 @@ def from_torch(
     if getattr(source, "bidirectional", False) or getattr(source, "proj_size", 0):
         raise ModelError(f"source: found a bidirectional or projected {kind}, expected neither")
     name = getattr(source, "nonlinearity", "tanh")
-    return _from_state(_numbers(source.state_dict()), name, _LEAK, _linear(output))
+    return _from_state(_numbers(source.state_dict()), name, _linear(output))
 
 
 def _array(tensor: Any, field: str = "source") -> Reals:
@@ -230,9 +230,7 @@ def _used(state: dict[str, Reals], names: set[str]) -> None:
                          "arrays of linear layers alone, or of RNN, LSTM or GRU alone")  # fmt: skip
 
 
-def _from_state(
-    state: dict[str, Reals], activation: str | Sequence[str], leak: float, output: Any
-) -> Imported:
+def _from_state(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
     if "weight_ih_l0" in state:
         return _recurrent(state, activation, output)
     keys = [key[: -len("weight")] for key in state if key.endswith("weight")]
@@ -243,7 +241,7 @@ def _from_state(
     _used(state, {f"{key}{part}" for key in keys for part in ("weight", "bias")})
     biases = [state.get(f"{key}bias", np.zeros(len(m)))
               for key, m in zip(keys, matrices, strict=True)]  # fmt: skip
-    return Network(matrices, biases, activation, leak)
+    return Network(matrices, biases, activation, _LEAK)
 
 
 def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:

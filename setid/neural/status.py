@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 
-from setid import Verification
+from setid import ParameterInterval, Verification
 
-__all__ = ["Status", "agreed"]
+__all__ = ["Status", "agreed", "same_intervals"]
 
 
 class Status(StrEnum):
@@ -56,3 +57,22 @@ def agreed(*claims: tuple[bool, str]) -> Verification:
         if not holds:
             return Verification(False, reason)
     return Verification(True)
+
+
+def same_intervals(
+    stated: Mapping[str, ParameterInterval], proved: Mapping[str, ParameterInterval]
+) -> bool:
+    """Check that intervals have the same names, ends and statuses.
+
+    Examples
+    --------
+    >>> from setid import IntervalStatus
+    >>> wide = ParameterInterval("b", (0.0, 2.0), None, IntervalStatus.PARTIAL)
+    >>> same_intervals({"b": wide}, {"b": wide}), same_intervals({"b": wide}, {})
+    (True, False)
+    """
+    return stated.keys() == proved.keys() and all(
+        (one.outer, one.inner, one.status)
+        == (proved[name].outer, proved[name].inner, proved[name].status)
+        for name, one in stated.items()
+    )

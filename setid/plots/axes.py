@@ -41,7 +41,7 @@ COLOUR = {"proved": PROVED, "sampled": ATTAINED}
 
 
 def ink() -> str:
-    """The colour of texts in the style that is in use: black on light, white on dark pages."""
+    """Take the colour of texts in the style: black on light, white on dark pages."""
     return str(require_matplotlib().rcParams["text.color"])
 
 
@@ -75,7 +75,7 @@ def stacked_axes(ax: Any, count: int, height: float) -> NDArray[Any]:
 def over_time(
     data: IOData, count: int, height: float, ax: Any = None
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Axes one below the other, and the times of all samples (N,)."""
+    """Make axes one below the other, and the times of all samples (N,)."""
     axes = stacked_axes(ax, count, height)
     for axis in axes:
         axis.grid(alpha=0.3)
@@ -84,7 +84,7 @@ def over_time(
 
 
 def time_label(data: IOData) -> str:
-    """The label of an axis of times, with their unit."""
+    """Write the label of an axis of times, with their unit."""
     return plain(f"time [{data.time_unit}]") if data.time_unit else "time"
 
 
@@ -106,7 +106,7 @@ def fill_between(
 def far(
     low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ends of a band, infinite ones moved far outside; for pictures that :func:`clip` it."""
+    """Move infinite ends of a band far outside; for pictures that :func:`clip` it."""
     return np.clip(low, -_FAR, _FAR), np.clip(high, -_FAR, _FAR)
 
 

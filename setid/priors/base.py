@@ -35,7 +35,7 @@ Symbols = Mapping[str, sp.Polynomial]
 
 
 def listed(given: Any) -> list[Any]:
-    """One prior or several, as a list."""
+    """List one prior or several."""
     if isinstance(given, (Prior, sp.Constraint)):
         return [given]
     return entries_of(given, "priors", "a list of priors", PriorError)
@@ -49,7 +49,7 @@ class Facts:
     stable: frozenset[tuple[str, ...]]
 
     def of(self, name: str) -> Interval:
-        """Bounds of a parameter."""
+        """Find the bounds of a parameter."""
         return self.bounds.get(name, (-inf, inf))
 
 
@@ -58,22 +58,22 @@ class Prior(Protocol):
     """Bounds, unknowns and rows: the interface of all priors."""
 
     def describe(self) -> str:
-        """One line for people."""
+        """Describe the prior in one line."""
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """Bounds of single parameters."""
+        """Bound single parameters."""
 
     def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
-        """Denominators (their names) that this prior makes stable."""
+        """Name the denominators that this prior makes stable."""
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Further unknowns with their boxes."""
+        """Name further unknowns with their boxes."""
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Constraints in parameters and own unknowns."""
+        """State constraints in parameters and own unknowns."""
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Values of the own unknowns that go with theta."""
+        """Compute values of the own unknowns that go with theta."""
 
 
 class Plain:
@@ -82,27 +82,27 @@ class Plain:
     __slots__ = ()
 
     def describe(self) -> str:
-        """The call that makes it."""
+        """Write the call that makes it."""
         return repr(self)
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """None."""
+        """Bound no parameters."""
         return {}
 
     def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
-        """None."""
+        """Name no denominators."""
         return frozenset()
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """None."""
+        """Add no unknowns."""
         return {}
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """None."""
+        """State no rows."""
         return []
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """None."""
+        """Complete nothing."""
         return {}
 
     def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
@@ -111,12 +111,12 @@ class Plain:
 
 
 def named(rows: Iterable[sp.Constraint], label: str) -> list[sp.Constraint]:
-    """The same rows with a name for messages and files."""
+    """Name the same rows for messages and files."""
     return [sp.Constraint(row.polynomial, row.kind, label) for row in rows]
 
 
 def items_of(given: Any, field: str) -> list[tuple[str, Any]]:
-    """Pairs of a mapping from parameter names."""
+    """Read pairs of a mapping from parameter names."""
     if not isinstance(given, Mapping) or not given:
         raise PriorError(
             f"{field}: found {given!r:.60}, expected a mapping of parameter names, "
@@ -126,7 +126,7 @@ def items_of(given: Any, field: str) -> list[tuple[str, Any]]:
 
 
 def interval_of(given: Any, field: str) -> Interval:
-    """Both ends of an interval, None standing for no end."""
+    """Read both ends of an interval, None standing for no end."""
     try:
         low, high = given
     except (TypeError, ValueError):
@@ -139,7 +139,7 @@ def interval_of(given: Any, field: str) -> Interval:
 
 
 def finite(given: Any, field: str) -> float:
-    """A finite number."""
+    """Check a finite number."""
     value = number(given, field, PriorError)
     if not np.isfinite(value):
         raise PriorError(f"{field}: found {value}, expected a finite number")
@@ -152,7 +152,7 @@ def stored(prior: Any, field: str, values: Mapping[str, Any]) -> None:
 
 
 def denominators(model: Structure) -> list[tuple[str, ...]]:
-    """Distinct denominators, as names; in a block structure those of all linear blocks."""
+    """Name distinct denominators; in a block structure those of all linear blocks."""
     if isinstance(model, BlockStructured):
         return list(dict.fromkeys(t.denominator for t in model.linear_blocks.values()))
     pairs = [(i, j) for i in range(model.outputs) for j in range(model.inputs)]

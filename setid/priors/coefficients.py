@@ -17,7 +17,7 @@ __all__ = ["Box", "Given", "Known", "Sign", "parameters"]
 
 
 def parameters(model: Structure) -> Mapping[str, sp.Polynomial]:
-    """The parameters of a model as polynomials, for constraints of one's own.
+    """Make polynomials of a model's parameters, for constraints of one's own.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ class Given(Plain):
     constraint: sp.Constraint
 
     def describe(self) -> str:
-        """The constraint, printed."""
+        """Print the constraint."""
         return str(self.constraint)
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """The constraint itself; the caller lifts it."""
+        """State the constraint itself; the caller lifts it."""
         return [self.constraint]
 
 
@@ -77,7 +77,7 @@ class Box(Plain):
         )
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """The intervals.
+        """Take the intervals.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Known(Plain):
         stored(self, "values", values)
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """Intervals of no width.
+        """Take intervals of no width.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class Sign(Plain):
         stored(self, "signs", {name: known[sign] for name, sign in items})
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """Half lines.
+        """Take half lines.
 
         Parameters
         ----------

@@ -42,7 +42,7 @@ def _shift(degree: int, margin: float) -> NDArray[np.float64]:
 
 
 def half_plane_unknowns(degree: int, monic: bool, label: str) -> dict[str, Box]:
-    """Names and boxes of the unknowns that :func:`half_plane_rows` needs."""
+    """Name the unknowns that :func:`half_plane_rows` needs, with their boxes."""
     if degree <= 3:
         return {}
     found: dict[str, Box] = {_k(label, m): (0.0, inf) for m in range(2, degree + 1)}
@@ -68,7 +68,7 @@ def half_plane_rows(
     unknowns: Mapping[str, sp.Polynomial],
     label: str,
 ) -> list[sp.Constraint]:
-    """Rows for all roots to the left of -margin, or on that line.
+    """State rows for all roots to the left of -margin, or on that line.
 
     Parameters
     ----------
@@ -119,9 +119,9 @@ def _recursion(
 
 
 def schwarz_parameters(coefficients: ArrayLike) -> NDArray[np.float64]:
-    """k_1, ..., k_n of s^n + c_1 s^(n-1) + ...: quotients r_m / r_(m-2) of Routh's column.
+    """Compute Schwarz's parameters k_1, ..., k_n: quotients r_m / r_(m-2) of Routh's column.
 
-    Where that column has a zero the rest is zero.
+    The polynomial is s^n + c_1 s^(n-1) + ... + c_n. Where that column has a zero the rest is zero.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def schwarz_parameters(coefficients: ArrayLike) -> NDArray[np.float64]:
 def half_plane_values(
     lead: float, rest: ArrayLike, margin: float, monic: bool, label: str
 ) -> dict[str, float]:
-    """Values of the unknowns for given coefficients."""
+    """Compute values of the unknowns for given coefficients."""
     values = np.asarray(rest, float)
     n = values.size
     if n <= 3:

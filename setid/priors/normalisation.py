@@ -34,11 +34,11 @@ class UnitGain(Plain):
     labels: tuple[str, ...]
 
     def describe(self) -> str:
-        """In words: it is a choice of representatives."""
+        """Describe it in words: it is a choice of representatives."""
         return f"normalisation: static gain of {', '.join(self.labels)} is 1"
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """One equation a block."""
+        """State one equation a block."""
         rows = []
         assert isinstance(model, BlockStructured)
         for label in self.labels:

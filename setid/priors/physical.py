@@ -94,7 +94,7 @@ class Physical(Plain):
         return tuple(self.intervals)
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """The physical parameters with their intervals.
+        """Name the physical parameters with their intervals.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class Physical(Plain):
         return {name: interval_of(ends, name) for name, ends in self.intervals.items()}
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """The relations, multiplied by their denominators.
+        """State the relations, multiplied by their denominators.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Physical(Plain):
         return named([_row(text, x, box) for text in self.relations], "physical")
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Physical parameters that satisfy the relations best, from the middle of their box.
+        """Fit physical parameters to the relations, from the middle of their box.
 
         Parameters
         ----------

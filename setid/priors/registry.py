@@ -9,17 +9,15 @@ command line takes them: ``--prior "DCGain(0.9, 1.1)"``.
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
 from typing import Any
 
-from setid.data.checks import FrozenMapping
 from setid.errors import PriorError
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, Known, Sign
 from setid.priors.physical import Physical
 from setid.priors.transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
 
-__all__ = ["prior_kinds", "read_prior", "register_prior"]
+__all__ = ["read_prior", "register_prior"]
 
 _KINDS: dict[str, type[Prior]] = {}
 
@@ -68,17 +66,6 @@ def register_prior(kind: type[Prior]) -> None:
             f"{kind.__name__} already; expected another name"
         )
     _KINDS[kind.__name__] = kind
-
-
-def prior_kinds() -> Mapping[str, type[Prior]]:
-    """List the registered priors by name.
-
-    Examples
-    --------
-    >>> "Stable" in prior_kinds()
-    True
-    """
-    return FrozenMapping(dict(_KINDS))
 
 
 def read_prior(text: str) -> Prior:

@@ -30,7 +30,6 @@ import sparsepop_py as sp
 __all__ = [
     "disc_rows",
     "disc_unknowns",
-    "reflections_to_coefficients",
     "step_down",
     "unknown_values",
 ]
@@ -38,22 +37,8 @@ __all__ = [
 Box = tuple[float, float]
 
 
-def reflections_to_coefficients(reflections: ArrayLike) -> NDArray[np.float64]:
-    """Coefficients c_1, ..., c_n of the monic polynomial with these reflection coefficients.
-
-    Examples
-    --------
-    >>> reflections_to_coefficients([0.5, -0.25]).tolist()
-    [0.375, -0.25]
-    """
-    coefficients = np.zeros(0)
-    for k in np.asarray(reflections, float):
-        coefficients = np.append(coefficients + k * coefficients[::-1], k)
-    return coefficients
-
-
 def step_down(coefficients: ArrayLike) -> list[NDArray[np.float64]]:
-    """Coefficients of degree 1, ..., n of the step-up recursion that ends in the given ones.
+    """Compute coefficients of degree 1, ..., n of the step-up recursion to the given ones.
 
     Where a reflection coefficient has absolute value 1 the recursion cannot be inverted;
     the roots are then pulled inwards a little, which the last entry keeps silent about.
@@ -70,7 +55,7 @@ def step_down(coefficients: ArrayLike) -> list[NDArray[np.float64]]:
 
 
 def disc_unknowns(degree: int, monic: bool, label: str) -> dict[str, Box]:
-    """Names and boxes of the unknowns that :func:`disc_rows` needs."""
+    """Name the unknowns that :func:`disc_rows` needs, with their boxes."""
     if degree <= 2:
         return {}
     found = {
@@ -97,7 +82,7 @@ def disc_rows(
     unknowns: Mapping[str, sp.Polynomial],
     label: str,
 ) -> list[sp.Constraint]:
-    """Rows for all roots in the closed disc.
+    """State rows for all roots in the closed disc.
 
     Parameters
     ----------
@@ -158,7 +143,7 @@ def _recursion(
 def unknown_values(
     lead: float, rest: ArrayLike, radius: float, monic: bool, label: str
 ) -> dict[str, float]:
-    """Values of the unknowns for given coefficients."""
+    """Compute values of the unknowns for given coefficients."""
     values = np.asarray(rest, float)
     n = values.size
     if n <= 2:

@@ -78,7 +78,7 @@ class Stable(Plain):
         return 1.0 - self.margin
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i.
+        """Bound abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i.
 
         Of Jury's form abs(a_n) <= radius^n alone.
 
@@ -102,7 +102,7 @@ class Stable(Plain):
         return found
 
     def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
-        """All denominators.
+        """Name all denominators.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Stable(Plain):
         return [("stable" if len(found) == 1 else f"stable{i}", d) for i, d in enumerate(found, 1)]
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Reflection coefficients and coefficients of lower degrees, or entries of the array.
+        """Name reflection coefficients and coefficients of lower degrees, or entries of the array.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Stable(Plain):
         return found
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of the closed disc, or of the closed half plane.
+        """State rows of the closed disc, or of the closed half plane.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Stable(Plain):
         return rows
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Reflection coefficients of theta, or entries of the array.
+        """Compute reflection coefficients of theta, or entries of the array.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class MinimumPhase(Plain):
         return model.transfer(self.output, self.input).numerator
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Ratios to the leading coefficient and their recursion, for three zeros and more.
+        """Name ratios to the leading coefficient and their recursion, for three zeros and more.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class MinimumPhase(Plain):
         return _region(model).unknowns(len(self._names(model)) - 1, False, self._label())
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of the closed disc, or of the closed half plane.
+        """State rows of the closed disc, or of the closed half plane.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class MinimumPhase(Plain):
         return named(found, self._label())
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Reflection coefficients of the numerator.
+        """Compute reflection coefficients of the numerator.
 
         Parameters
         ----------
@@ -320,7 +320,7 @@ class DCGain(Plain):
             raise PriorError(f"DCGain: found [{low:g}, {high:g}], expected low <= high")
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """One equality, one product or two linear rows.
+        """State one equality, one product or two linear rows.
 
         Parameters
         ----------
@@ -369,7 +369,7 @@ class _RootIn(Plain, ABC):
         """Coefficients from the leading one on; None for the number one."""
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """The root, and the inner coefficients of the quotient."""
+        """Name the root, and the inner coefficients of the quotient."""
         degree = len(self._names(model)) - 1
         if degree < 1:
             raise PriorError(f"{type(self).__name__}: found no {self._word}, expected at least one")
@@ -380,7 +380,7 @@ class _RootIn(Plain, ABC):
         return {self._label(): (float(self.low), float(self.high)), **inner}
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """c_0 r^n + ... + c_n == 0 by Horner's rule, one bilinear row a step."""
+        """State c_0 r^n + ... + c_n == 0 by Horner's rule, in bilinear rows."""
         one = next(iter(x.values())) * 0.0 + 1.0
         value, *others = [one if name is None else x[name] for name in self._names(model)]
         root = float(self.low) if self.low == self.high else x[self._label()]
@@ -394,7 +394,7 @@ class _RootIn(Plain, ABC):
         return named([*rows, value == 0], self._label())
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """The real root nearest to the interval, and the quotient."""
+        """Find the real root nearest to the interval, and the quotient."""
         if self.low == self.high:
             return {}
         c = [1.0 if name is None else theta[name] for name in self._names(model)]

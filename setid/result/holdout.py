@@ -97,7 +97,7 @@ class Holdout:
 
 
 def members(known: Formulation, intervals: Intervals) -> list[Any]:
-    """Priors of an identification, and its outer box.
+    """Collect the priors of an identification, with its outer box as another.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def members(known: Formulation, intervals: Intervals) -> list[Any]:
 def stated(
     known: Formulation, intervals: Intervals, data: IOData, noise: Noise, limit: float
 ) -> Formulation:
-    """The problem of held-out samples for members of the outer box, noise at its limit.
+    """State the problem of held-out samples for outer-box members, with noise at its limit.
 
     Parameters
     ----------

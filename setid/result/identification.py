@@ -149,13 +149,13 @@ class Identification(FeasibleSet):
     # ---- texts --------------------------------------------------------------------------
 
     def table(self) -> str:
-        """Intervals as text, one row a parameter; outer ends rounded outwards."""
+        """Print intervals as text, one row a parameter; outer ends rounded outwards."""
         from setid.result.reports import table
 
         return table(self)
 
     def summary(self) -> str:
-        """The table, what it rests on, and what to do about wide or empty intervals."""
+        """Print the table, what it rests on, and advice on wide or empty intervals."""
         from setid.result.reports import summary
 
         return summary(self, self._remarks())
@@ -173,7 +173,7 @@ class Identification(FeasibleSet):
         return html(self, self._remarks())
 
     def binding(self) -> tuple[tuple[int, int, int], ...]:
-        """Samples whose noise is at its bound where ends of intervals are attained.
+        """List samples whose noise is at its bound where ends of intervals are attained.
 
         Returns
         -------
@@ -249,7 +249,7 @@ class Identification(FeasibleSet):
         return from_json(text)
 
     def to_frame(self) -> Any:
-        """Intervals as a pandas DataFrame, one row a parameter.
+        """Return the intervals as a pandas DataFrame, one row a parameter.
 
         Returns
         -------
@@ -299,7 +299,7 @@ class Identification(FeasibleSet):
         return central(self)
 
     def error(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """Proved worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`.
+        """Bound worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`.
 
         Parameters
         ----------
@@ -318,7 +318,7 @@ class Identification(FeasibleSet):
         return feasible(self)
 
     def best(self, goal: Goal = "simulation") -> BestMember:
-        """A member that simulates or predicts the record best; see :func:`setid.best`.
+        """Choose a member that simulates or predicts the record best; see :func:`setid.best`.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ class Identification(FeasibleSet):
     def sensitivity(
         self, factors: Iterable[float] | None = None, executor: Executor | None = None
     ) -> Sensitivity:
-        """Widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
+        """Compute widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
 
         Parameters
         ----------
@@ -508,7 +508,7 @@ class Identification(FeasibleSet):
         )
 
     def fps(self, first: str, second: str, directions: int = 16) -> Projection:
-        """The feasible parameter set over two parameters; see :func:`setid.project`.
+        """Project the feasible parameter set on two parameters; see :func:`setid.project`.
 
         Parameters
         ----------
@@ -530,7 +530,7 @@ class Identification(FeasibleSet):
         tolerance: float = 0.1,
         time_limit: float = 20.0,
     ) -> OutputBand:
-        """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`.
+        """Simulate outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`.
 
         Parameters
         ----------
@@ -550,7 +550,7 @@ class Identification(FeasibleSet):
         return simulate_band(self, data, kind, noise, tolerance=tolerance, time_limit=time_limit)
 
     def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
-        """One-step predictions with bands; see :func:`setid.predict`.
+        """Predict one step, with bands; see :func:`setid.predict`.
 
         Parameters
         ----------
@@ -570,7 +570,7 @@ class Identification(FeasibleSet):
         kind: Kind | None = None,
         noise: Noise | None = None,
     ) -> Comparison:
-        """Fit to a record and the guaranteed band; see :func:`setid.compare`.
+        """Compare with a record, by fit and guaranteed band; see :func:`setid.compare`.
 
         Parameters
         ----------
@@ -587,7 +587,7 @@ class Identification(FeasibleSet):
         return compare(self, validation, mode, kind, noise)
 
     def to_control(self, omega: ArrayLike | None = None, kind: Kind = "sampled") -> ControlModels:
-        """Models of python-control; see :func:`setid.to_control`.
+        """Convert to models of python-control; see :func:`setid.to_control`.
 
         Parameters
         ----------

@@ -75,7 +75,7 @@ class Progress:
         return (high - low) / width if width > 0 else float(high > low)
 
     def line(self, index: int) -> str:
-        """The text of the line."""
+        """Write the text of the line."""
         full = round(_BAR * self.settled / max(1, len(self._ends)))
         name, (outer, _) = self._names[index // 2], self._interval(index // 2)
         count = f"{self.settled}/{len(self._ends)} ends"

@@ -36,7 +36,7 @@ _WIDE = 0.3  # relative half width from which an interval is called wide
 
 
 def table(result: FeasibleSet) -> str:
-    """Intervals as text, outer ends rounded outwards and inner ones inwards."""
+    """Print intervals as text, outer ends rounded outwards and inner ones inwards."""
     line = "{:<10}{:>15}{:>15}{:>15}{:>15}{:>10}  {}"
     head = line.format("parameter", "outer", "", "inner", "", "width", "status")
     lines = [head, "-" * len(head)]
@@ -80,7 +80,7 @@ def html(result: FeasibleSet, remarks: Remarks) -> str:
 
 
 def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
-    """Sentences on statuses, wide intervals and the samples that bind.
+    """Write sentences on statuses, wide intervals and the samples that bind.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _mixed(result: FeasibleSet) -> set[str]:
 
 
 def channels(data: IOData) -> str:
-    """Names and units of channels by their numbers, where they have any, else empty."""
+    """List names and units of channels by number, empty where they have none."""
     own = [f"y{i + 1}" for i in range(data.outputs)] + [f"u{j + 1}" for j in range(data.inputs)]
     shown = (*data.output_labels, *data.input_labels)
     pairs = [f"{o} = {s}" for o, s in zip(own, shown, strict=True) if o != s]
@@ -110,7 +110,7 @@ def channels(data: IOData) -> str:
 
 
 def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
-    """Samples whose noise is at its bound where ends are attained: (record, sample, count)."""
+    """List samples with noise at its bound where ends are attained: (record, sample, count)."""
     count: dict[tuple[int, int], int] = {}
     for record, sample, _ in _hits(result):
         count[record, sample] = count.get((record, sample), 0) + 1
@@ -148,7 +148,7 @@ def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
 
 
 def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -> dict[str, bool]:
-    """For each prior, whether it holds with equality at some of the points."""
+    """Tell for each prior whether it holds with equality at some of the points."""
     problem, layout = formulation.problem, formulation.layout
     values = [problem.rows.values(x) for x in points]
     found: dict[str, bool] = {}

@@ -29,7 +29,7 @@ Complexes = NDArray[np.complex128]
 
 
 def transfer_of(model: Structure, output: int, input: int) -> Transfer:
-    """Coefficient names between two channels (from 1).
+    """Name coefficients between two channels (from 1).
 
     Raises
     ------
@@ -47,7 +47,7 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
 
 
 def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool = False) -> Reals:
-    """Angular frequencies in rad per unit of time, up to the Nyquist frequency.
+    """Choose angular frequencies in rad per unit of time, up to the Nyquist frequency.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def frequency_response(
     output: int = 1,
     input: int = 1,
 ) -> Complexes:
-    """G(exp(j omega Ts)), or G(j omega) in continuous time, for one or many parameter vectors.
+    """Compute G(exp(j omega Ts)), or G(j omega) in continuous time, for one or many vectors.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def frequency_response(
 
 
 def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None = None) -> Reals:
-    """Outputs that the model gives for the inputs of a record, without its later outputs.
+    """Simulate the model for a record's inputs, without its later outputs.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def simulate(
     u: ArrayLike,
     equation: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
-    """Noise-free outputs for given inputs, all signals being zero before the record.
+    """Simulate noise-free outputs for given inputs, all signals zero before the record.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def simulate_record(
     seed: int | np.random.Generator = 0,
     Ts: float = 1.0,
 ) -> Simulated:
-    """A record with uniform noise within its bounds, and the truth behind it.
+    """Simulate a record with uniform noise within its bounds; return the truth behind it too.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.float_propagation import FloatPropagation
+from sparsepop_py.branch_and_bound.open_node import OpenNode, certificate_node
 from sparsepop_py.branch_and_bound.product_model import LinearData, ProductModel, SquareCut
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
 from sparsepop_py.budget import check, spend, spent
@@ -35,10 +36,9 @@ from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.solvers.quadratic import minimise_on_box
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
-from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
-from sparsepop_py.verified.certificate.sos_identity import Identity
-from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Step, Tightening
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Tightening
 
 __all__ = ["LinearTree", "convex_minimiser", "suits_linear_tree"]
 
@@ -92,18 +92,12 @@ def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
 
 
 @dataclass(eq=False)
-class _Open:
-    """A node of the growing tree. Mutable."""
+class _Open(OpenNode):
+    """A node with its box and bound. Mutable."""
 
     low: Floats
     high: Floats
     bound: float = -np.inf
-    depth: int = 0
-    steps: list[Step] = field(default_factory=list)
-    argument: LinearDual | Identity | None = None
-    empty: bool = False
-    branch: tuple[int, float] | None = None
-    children: tuple[_Open, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -561,7 +555,8 @@ class LinearTree:
         children = [(node.low.copy(), left), (right, node.high.copy())]
         node.branch = v, point
         node.children = tuple(
-            _Open(a, b, node.bound, node.depth + 1, argument=node.argument) for a, b in children
+            _Open(a, b, node.bound, depth=node.depth + 1, argument=node.argument)
+            for a, b in children
         )
         for number, child in enumerate(node.children):
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
@@ -653,31 +648,11 @@ class LinearTree:
         Certificate or None
             None where nothing is expected to be proved.
         """
-        root = _certificate_node(self.root)
-        steps = BoxProof((*proof.steps, *root.box.steps))
-        root = Node(steps, root.argument, root.empty, root.branch, root.children)
+        root = certificate_node(self.root)
+        root = replace(root, box=BoxProof((*proof.steps, *root.box.steps)))
         uses = any(node.box.uses_cutoff for node in root)
         cutoff = self.tree_cutoff if uses else None
         bound = self.bound if cutoff is None else min(self.bound, cutoff)
         if bound == -np.inf:
             return None
         return Certificate(self.context.problem.fingerprint, bound, root, cutoff)
-
-
-def _certificate_node(root: _Open) -> Node:
-    """Convert the tree to nodes of a certificate, children first."""
-    order, stack = [], [root]
-    while stack:
-        node = stack.pop()
-        order.append(node)
-        stack.extend(node.children)
-    made: dict[int, Node] = {}
-    for node in reversed(order):
-        children = tuple(made[id(child)] for child in node.children)
-        steps = BoxProof(tuple(node.steps))
-        if children:
-            made[id(node)] = Node(steps, None, False, node.branch, children)
-        else:
-            empty = node.empty and node.argument is not None
-            made[id(node)] = Node(steps, node.argument, empty)
-    return made[id(root)]

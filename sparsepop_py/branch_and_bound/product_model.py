@@ -429,7 +429,7 @@ class ProductModel:
         return np.concatenate([self.equality, np.zeros(others, bool)])
 
     def high(self, data: LinearData) -> Floats:
-        """Upper sides of the rows of A."""
+        """Compute upper sides of the rows of A."""
         return np.where(data.free, data.low, np.inf)
 
     def signed(self, data: LinearData, price: Floats) -> Floats:

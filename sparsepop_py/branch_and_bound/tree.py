@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
+from sparsepop_py.branch_and_bound.open_node import OpenNode, certificate_node
 from sparsepop_py.branch_and_bound.settings import BRANCHING
 from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import spend
@@ -35,7 +36,6 @@ from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import (
     Argument,
     Certificate,
-    Node,
     Proved,
     certify,
     claim,
@@ -47,17 +47,11 @@ __all__ = ["Search"]
 
 
 @dataclass(eq=False)
-class _OpenNode:
-    """A node of the growing tree. Mutable."""
+class _Open(OpenNode):
+    """A node with its box and bound. Mutable."""
 
     box: Interval
     proved: Proved
-    argument: Argument | None = None
-    empty: bool = False
-    steps: tuple[Step, ...] = ()
-    branch: tuple[int, float] | None = None
-    children: list[_OpenNode] = field(default_factory=list)
-    depth: int = 0
 
 
 @dataclass(eq=False)
@@ -94,23 +88,23 @@ class Search:
     broken: bool = False
     left: float = BRANCHING.prior_left
     _closed: float = np.inf
-    _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
-    _root: _OpenNode = field(init=False)
+    _heap: list[tuple[float, int, _Open]] = field(default_factory=list)
+    _root: _Open = field(init=False)
 
     def __post_init__(self) -> None:
         proved, argument, empty = self.start
-        self._root = _OpenNode(self.box, proved, argument, empty)
+        self._root = _Open(self.box, proved, argument=argument, empty=empty)
         self._push(self._root)
 
     def __getstate__(self) -> dict[str, Any]:
         """List the nodes, so that pickling a deep tree does not recurse."""
-        nodes, stack = list[_OpenNode](), [self._root]
+        nodes, stack = list[_Open](), [self._root]
         while stack:
             nodes.append(stack.pop())
             stack.extend(nodes[-1].children)
         place = {id(node): k for k, node in enumerate(nodes)}
         rows = [
-            (node.__dict__ | {"children": []}, [place[id(child)] for child in node.children])
+            (node.__dict__ | {"children": ()}, [place[id(child)] for child in node.children])
             for node in nodes
         ]
         heap = [(bound, count, place[id(node)]) for bound, count, node in self._heap]
@@ -118,13 +112,13 @@ class Search:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Rebuild the tree."""
-        nodes = [_OpenNode(**row) for row, _ in state["_root"]]
+        nodes = [_Open(**row) for row, _ in state["_root"]]
         for node, (_, children) in zip(nodes, state["_root"], strict=True):
-            node.children = [nodes[k] for k in children]
+            node.children = tuple(nodes[k] for k in children)
         heap = [(bound, count, nodes[k]) for bound, count, k in state["_heap"]]
         self.__dict__.update(state, _root=nodes[0], _heap=heap)
 
-    def _push(self, node: _OpenNode) -> None:
+    def _push(self, node: _Open) -> None:
         self.count += 1
         heapq.heappush(self._heap, (node.proved.bound, self.count, node))
 
@@ -142,7 +136,7 @@ class Search:
     @property
     def root_steps(self) -> tuple[Step, ...]:
         """Steps that tightened the box of the root, none before it was processed."""
-        return self._root.steps
+        return tuple(self._root.steps)
 
     @property
     def done(self) -> bool:
@@ -191,9 +185,7 @@ class Search:
             self.seen += len(taken)
         return seen
 
-    def _processed(
-        self, nodes: Sequence[_OpenNode], executor: Executor | None
-    ) -> list[ProcessedNode]:
+    def _processed(self, nodes: Sequence[_Open], executor: Executor | None) -> list[ProcessedNode]:
         if executor is None:
             return [
                 process_node(self.context, self.settings, node.box, self.tree_cutoff)
@@ -215,9 +207,9 @@ class Search:
             for node, made in zip(nodes, found, strict=True)
         ]
 
-    def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
+    def _take(self, node: _Open, found: ProcessedNode) -> None:
         """Record a processed node, search the incumbent from its point, branch if it is open."""
-        node.steps, node.box = found.steps, found.box
+        node.steps, node.box = list(found.steps), found.box
         if np.isfinite(found.left):
             self.left += 0.2 * (found.left - self.left)
             if self.settings.obbt_sdp is not None and self.left > BRANCHING.useless_sdp:
@@ -241,20 +233,21 @@ class Search:
             return
         node.branch = branch
         low, high = (self._child(node, side) for side in (0, 1))
-        node.children = [low, high]
+        node.children = (low, high)
         self._push(low)
         self._push(high)
 
-    def _settled(self, node: _OpenNode) -> bool:
+    def _settled(self, node: _Open) -> bool:
         """Check whether a node is fathomed."""
         return node.proved.bound >= (np.inf if self.tree_cutoff is None else self.tree_cutoff)
 
-    def _child(self, node: _OpenNode, side: int) -> _OpenNode:
+    def _child(self, node: _Open, side: int) -> _Open:
         assert node.branch is not None
         box = split_box(node.box, node.branch)[side]
-        return _OpenNode(box, node.proved, node.argument, node.empty, depth=node.depth + 1)
+        depth, argument = node.depth + 1, node.argument
+        return _Open(box, node.proved, depth=depth, argument=argument, empty=node.empty)
 
-    def _worth_a_search(self, node: _OpenNode) -> bool:
+    def _worth_a_search(self, node: _Open) -> bool:
         return node.depth < 2 or self.count % 10 < 2
 
     def _branching_point(self, box: Interval, found: ProcessedNode) -> tuple[int, float] | None:
@@ -284,7 +277,7 @@ class Search:
         """Build the certificate of the current tree, None where nothing is proved."""
         least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
         replay = Replay(self.context.problem, self.tree_cutoff)
-        root = _certificate_node(self._root)
+        root = certificate_node(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
         return certify(replay, root, least)
 
@@ -297,7 +290,7 @@ def _in_worker(
         return process_node(context, settings, box, cutoff)
 
 
-def _leaves_of(root: _OpenNode) -> list[_OpenNode]:
+def _leaves_of(root: _Open) -> list[_Open]:
     leaves, stack = [], [root]
     while stack:
         node = stack.pop()
@@ -306,24 +299,3 @@ def _leaves_of(root: _OpenNode) -> list[_OpenNode]:
         else:
             leaves.append(node)
     return leaves
-
-
-def _certificate_node(root: _OpenNode) -> Node:
-    """Convert the tree to nodes of a certificate, children first."""
-    order, stack = [], [root]
-    while stack:
-        node = stack.pop()
-        order.append(node)
-        stack.extend(node.children)
-    made: dict[int, Node] = {}
-    for node in reversed(order):
-        children: Any = tuple(made[id(child)] for child in node.children)
-        leaf = not node.children
-        made[id(node)] = Node(
-            BoxProof(node.steps),
-            node.argument if leaf else None,
-            node.empty and leaf,
-            node.branch,
-            children,
-        )
-    return made[id(root)]

@@ -25,7 +25,7 @@ __all__ = ["error_bounds", "index_sets"]
 
 
 def index_sets(given: Any, n: int) -> list[list[int]]:
-    """Sets of variables (from 0) that ``errorBdIdx`` names.
+    """Read sets of variables (from 0) that ``errorBdIdx`` names.
 
     Raises
     ------

@@ -165,7 +165,7 @@ class _Walk:
     def integers(
         self, at: int, end: int, kinds: tuple[int, ...], what: str
     ) -> tuple[np.ndarray, int]:
-        """Integers of 4 bytes, and where the next element starts."""
+        """Read integers of 4 bytes; return them with the start of the next element."""
         found, start, size, following = self.tag(at, end)
         if found not in kinds or size % 4:
             raise self.wrong(at, f"type {found} of {size} bytes", f"{what} of type {kinds[0]}")
@@ -173,7 +173,7 @@ class _Walk:
         return np.frombuffer(self.data, code, size // 4, start).astype(np.int64), following
 
     def name(self, at: int, end: int) -> tuple[bytes, int]:
-        """A name in plain letters, and where the next element starts."""
+        """Read a name in plain letters; return it with the start of the next element."""
         kind, start, size, following = self.tag(at, end)
         found = self.data[start : start + size]
         if kind not in (_INT8, _UTF8) or not found.isascii():
@@ -211,7 +211,7 @@ class _Walk:
         return at
 
     def fields(self, at: int, end: int) -> tuple[int, int]:
-        """Number of fields of a struct, and where the next element starts."""
+        """Read the number of fields of a struct, and the next element's start."""
         width, at = self.integers(at, end, (_INT32,), "the length of names")
         names, following = self.name(at, end)
         if width.size != 1 or width[0] < 1 or len(names) % int(width[0]):
@@ -219,7 +219,7 @@ class _Walk:
         return len(names) // int(width[0]), following
 
     def sparse(self, at: int, end: int, sizes: list[int], marks: int) -> int:
-        """Rows, starts of columns and values; indices within the matrix."""
+        """Read rows, starts of columns and values; indices lie within the matrix."""
         start = at
         rows, at = self.integers(at, end, (_INT32,), "rows")
         starts, at = self.integers(at, end, (_INT32,), "starts of columns")

@@ -207,7 +207,7 @@ def _reduced(small: ReducedProgram, solution: ConicSolution | None) -> ConicSolu
 
 
 def sizes_of(result: Result, built: BuiltSDP | None) -> SDPInfo:
-    """``SDPinfo``: sizes, data and solution of the SDP."""
+    """Fill ``SDPinfo``: sizes, data and solution of the SDP."""
     problem = result.problem
     fixed = np.flatnonzero(problem.lower == problem.upper)
     all_fixed = fixed.size == problem.dimension
@@ -279,7 +279,7 @@ def _infeasible_switch(result: Result, all_fixed: bool) -> float:
 def solver_info(
     built: BuiltSDP | None, asked: bool, tolerance: float | None = None, optimal: bool = False
 ) -> SolverInfo:
-    """``SDPsolverInfo``: what the solver reported; NaN where it was not asked to solve.
+    """Fill ``SDPsolverInfo``: what the solver reported; NaN where it was not asked to solve.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ _CONES = {2: Kind.SECOND_ORDER, 3: Kind.PSD}
 
 
 def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
-    """Problem of SparsePOP's four structs.
+    """Build the problem of SparsePOP's four structs.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class _Struct:
         return ProblemError(f"{self.label}.{field}: found {found}, expected {expected}")
 
     def get(self, field: str) -> Any:
-        """Value of a field, or None if it is absent or empty."""
+        """Read the value of a field, None if it is absent or empty."""
         if isinstance(self.item, Mapping):
             value = self.item.get(field)
         elif isinstance(self.item, np.void):

@@ -24,6 +24,7 @@ __all__ = ["Done", "completed", "map_in_order", "opened", "workers_of"]
 Key = TypeVar("Key")
 T = TypeVar("T")
 
+_ATTEMPTS = 3  # of a task before it is given up
 _GUESSED_WORKERS = 8
 _LOST_MODULES = ("distributed", "mpi4py")  # whose own exceptions mean lost workers
 
@@ -141,14 +142,14 @@ def completed(
     executor: Executor,
     function: Callable[[Any], T],
     tasks: Iterable[tuple[Key, Any]],
-    attempts: int = 3,
     ahead: int = 64,
 ) -> Generator[Done[Key, T], None, None]:
     """Run tasks on an executor and yield them as they are done.
 
-    A task whose worker was lost is submitted again. Where a ``ProcessPoolExecutor`` broke,
-    :class:`Processes` of our own take over. Exceptions of the function itself are raised. The
-    tasks that are still waiting are cancelled when the iterator is closed.
+    A task whose worker was lost is submitted again, twice at most. Where a
+    ``ProcessPoolExecutor`` broke, :class:`Processes` of our own take over. Exceptions of the
+    function itself are raised. The tasks that are still waiting are cancelled when the iterator
+    is closed.
 
     Parameters
     ----------
@@ -156,8 +157,6 @@ def completed(
     function : callable
         Of one argument.
     tasks : iterable of (key, argument)
-    attempts : int
-        How often a task is tried before it is given up.
     ahead : int
         Most tasks that are submitted and not done; their arguments are in memory.
 
@@ -177,7 +176,7 @@ def completed(
     ...     sorted((done.key, done.value) for done in completed(pool, sqrt, [("a", 4.0)]))
     [('a', 2.0)]
     """
-    run: _Run[Key, T] = _Run(executor, function, attempts)
+    run: _Run[Key, T] = _Run(executor, function)
     rest = iter(tasks)
     try:
         while True:
@@ -197,8 +196,8 @@ def completed(
 class _Run(Generic[Key, T]):
     """The tasks that an executor has at the moment. Mutable."""
 
-    def __init__(self, executor: Executor, function: Callable[[Any], T], attempts: int) -> None:
-        self._executor, self._function, self._attempts = executor, function, attempts
+    def __init__(self, executor: Executor, function: Callable[[Any], T]) -> None:
+        self._executor, self._function = executor, function
         self._own: Processes | None = None
         self.waiting: dict[Future[T], tuple[Key, Any, int]] = {}
 
@@ -227,7 +226,7 @@ class _Run(Generic[Key, T]):
             return Done(key, future.result())
         if not _means_lost(error):
             raise error
-        if attempt < self._attempts:
+        if attempt < _ATTEMPTS:
             self.submit(key, argument, attempt + 1)
             return None
         return Done(key, None, f"its worker was lost {attempt} times ({error})".strip())

@@ -110,7 +110,7 @@ class Vocabulary:
 
 
 def tokenize(text: str, start: int = 0) -> list[Token]:
-    """Tokens of ``text[start:]``; relations are tokens too, spaces are left out."""
+    """Split ``text[start:]`` into tokens; relations are tokens too, spaces are left out."""
     return [
         (match.lastgroup or "other", match.group(), match.start())
         for match in _TOKEN.finditer(text, start)
@@ -119,7 +119,7 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
 
 
 def names_in(tokens: Sequence[Token]) -> set[str]:
-    """Names of variables among the tokens: names that no parenthesis follows."""
+    """List names of variables among the tokens: names that no parenthesis follows."""
     following = chain((token[0] for token in tokens[1:]), ["end"])
     return {
         text
@@ -140,7 +140,7 @@ def excerpt(statement: str, position: int = 0) -> str:
 def parse_expression(
     source: str | Sequence[Token], vocabulary: Vocabulary | Sequence[str]
 ) -> Polynomial:
-    """Polynomial of an expression.
+    """Read the polynomial of an expression.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def parse_expression(
 
 
 def parse_number(source: str | Sequence[Token]) -> float:
-    """Value of an expression without variables.
+    """Compute the value of an expression without variables.
 
     Raises
     ------

@@ -69,7 +69,7 @@ class Statement:
     line: int
 
     def error(self, found: str, expected: str, position: int = 0) -> FormatError:
-        """Exception that names file, line and statement; raise it."""
+        """Make an exception that names file, line and statement, to be raised."""
         line = self.line + self.text.count("\n", 0, position)
         shown = excerpt(self.text, position)
         return FormatError(
@@ -352,7 +352,7 @@ class _Reader:
         self.solve = statement
 
     def ignore(self, statement: Statement, match: re.Match[str]) -> None:
-        """Options and displays say nothing about the problem."""
+        """Pass over options and displays, which say nothing about the problem."""
 
     # ---- checks -------------------------------------------------------------------------
 
@@ -381,7 +381,7 @@ class _Reader:
                 )
 
     def direction(self, comments: list[Statement]) -> tuple[str, str, Statement]:
-        """Direction, objective variable, and the statement that says so."""
+        """Read direction and objective variable; return them with the statement that says so."""
         sources = [self.solve] if self.solve else comments
         found: set[tuple[str, str]] = set()
         for statement in sources:

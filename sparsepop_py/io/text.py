@@ -62,7 +62,7 @@ class _Statement:
 
 
 def parse(text: str) -> Problem | RationalProblem:
-    """Problem that a text states.
+    """Read the problem that a text states.
 
     Parameters
     ----------

@@ -26,9 +26,10 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.relaxation.moment import Relaxation
 
-__all__ = ["candidates", "combine", "extract_clique", "means"]
+__all__ = ["candidates", "combine", "extract", "means"]
 
 _RANK = 1e-4  # of the largest eigenvalue: smaller ones count as zero
+_AGREE = 1e-3  # largest difference of candidates that agree, relative to max(1, abs(value))
 _SEED = 20050  # any fixed number: extraction is deterministic
 Points = list[NDArray[np.float64]]
 
@@ -65,7 +66,7 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
                 alike.setdefault(key, []).append(own)
         for blocks in alike.values():
             stack = _matrices(relaxation, np.stack([own.basis for own in blocks]), moments)
-            extracted = _extract(stack, blocks[0].words, _RANK)
+            extracted = extract(stack, blocks[0].words)
             found += [(b.clique, b.members, p) for b, p in zip(blocks, extracted, strict=True)]
     found.sort(key=lambda entry: entry[0])
     dimension = relaxation.problem.dimension
@@ -117,39 +118,26 @@ def _renamed(basis: Words, members: NDArray[np.int64]) -> Words:
     return np.where(basis > 0, local, 0).astype(np.int32)
 
 
-def extract_clique(
-    matrix: NDArray[Any],
-    basis: Words,
-    members: Sequence[int] | NDArray[Any],
-    tolerance: float = _RANK,
-) -> Points:
-    """Extract the atoms of the measure behind the moment matrix of one clique.
+def extract(matrices: NDArray[np.float64], words: Words, tolerance: float = _RANK) -> list[Points]:
+    """Extract the atoms of the measures behind moment matrices of one pattern.
 
-    The atoms are found if the matrix is flat: its rank is that of the rows whose products
+    The atoms are found if a matrix is flat: its rank is that of the rows whose products
     with every variable are rows again (in a full basis of degree d, those of degree d-1).
     Otherwise, and if a reduced basis lacks too many monomials, the first moments are given.
 
     Parameters
     ----------
-    matrix : (s, s) float
-        Moment matrix.
-    basis : (s, D) int32
-        Its monomials, in global variables 1..n; the first is the constant.
-    members : (k,) int
-        The variables of the clique, from 0, ascending.
+    matrices : (B, s, s) float
+    words : (s, D) int32
+        Monomials of their rows, in letters 1..k: the constant first, and each letter.
     tolerance : float
         Rank threshold relative to the largest eigenvalue.
 
     Returns
     -------
-    list of (k,) float
-        The atoms by falling weight, or one point, the first moments; NaN for a variable
-        that is no row of the basis.
-
-    Raises
-    ------
-    ProblemError
-        If shapes do not fit or the first row is not that of the constant.
+    list of lists of (k,) float
+        For each matrix the atoms by falling weight, or one point, the first moments; NaN
+        where the matrix is not finite or the moment of 1 is not positive.
 
     References
     ----------
@@ -159,19 +147,32 @@ def extract_clique(
     --------
     The measure with half its mass at -1 and half at 2:
 
-    >>> basis = monomials.full_basis(1, 2)
-    >>> rows = monomials.evaluate(basis, np.array([[-1.0], [2.0]]))
-    >>> points = extract_clique(rows.T @ rows / 2, basis, [0])
+    >>> words = monomials.full_basis(1, 2)
+    >>> rows = monomials.evaluate(words, np.array([[-1.0], [2.0]]))
+    >>> (points,) = extract(rows.T @ rows[None] / 2, words)
     >>> sorted(round(float(point[0]), 6) for point in points)
     [-1.0, 2.0]
     """
-    matrix, members = np.asarray(matrix, float), np.asarray(members, np.int64)
-    size = basis.shape[0]
-    if matrix.shape != (size, size):
-        raise ProblemError(f"matrix: found shape {matrix.shape}, expected ({size}, {size})")
-    if size == 0 or basis[0].any():
-        raise ProblemError("basis: expected the constant as its first row")
-    return _extract(matrix[None], _renamed(basis, members), tolerance, members.size)[0]
+    letters = np.arange(int(words.max(initial=0)))
+    sound = np.all(np.isfinite(matrices), axis=(1, 2)) & (matrices[:, 0, 0] > 0)
+    points = [[np.full(letters.size, np.nan)] for _ in matrices]
+    good = matrices[sound]
+    good = (good + good.transpose(0, 2, 1)) / (2 * good[:, :1, :1])
+    shifted = _shifts(words, letters)
+    values, vectors = np.linalg.eigh(good)
+    rank = np.sum(values > tolerance * values[:, -1:], axis=1)
+    single = _single_atoms(vectors[:, :, -1], shifted)
+    for k, place in enumerate(np.flatnonzero(sound).tolist()):
+        if rank[k] == 1 and single is not None:
+            points[place] = [single[k]]
+            continue
+        factor = vectors[k][:, -rank[k] :] * np.sqrt(values[k][-rank[k] :])
+        found = _atoms(factor, shifted, tolerance)  # matrix = factor factor'
+        if found is not None:
+            points[place] = _by_weight(found, good[k][0], words)
+        else:
+            points[place] = [good[k][0, shifted[:, 0]]]  # rows of 1 * x_v
+    return points
 
 
 def combine(
@@ -179,7 +180,6 @@ def combine(
     members_list: Sequence[Sequence[int]],
     dimension: int,
     limit: int = 16,
-    tolerance: float = 1e-3,
 ) -> Points:
     """Join the candidates of cliques to points of all variables.
 
@@ -191,15 +191,13 @@ def combine(
     Parameters
     ----------
     points_per_clique : sequence of lists of (k,) float
-        As :func:`extract_clique` returns them; NaN where unknown.
+        As :func:`extract` returns them for one matrix; NaN where unknown.
     members_list : sequence of sequences of int
         The variables of each clique, from 0.
     dimension : int
         Number of variables n.
     limit : int
         Largest number of points, at least 1.
-    tolerance : float
-        Agreement, relative to max(1, abs(value)).
 
     Returns
     -------
@@ -229,7 +227,7 @@ def combine(
         columns = np.asarray(members, np.int64)
         candidates = np.array(points, float)
         known = partial[:, columns]
-        rows, picks = _pairs(_agreement(known, candidates), tolerance, limit, rng)
+        rows, picks = _pairs(_agreement(known, candidates), limit, rng)
         if rows.size > partial.shape[0]:  # each partial point is continued at least once
             partial, known = partial[rows], known[rows]
         new = candidates[picks]
@@ -240,36 +238,6 @@ def combine(
 
 
 # ---- cliques of one pattern -------------------------------------------------------------
-
-
-def _extract(
-    matrices: NDArray[np.float64], words: Words, tolerance: float, members: int | None = None
-) -> list[Points]:
-    """Extract the atoms behind each of several moment matrices (B, s, s).
-
-    Letters are those of :func:`_renamed`; ``members`` is the largest of them unless given.
-    """
-    letters = np.arange(members or int(words.max(initial=0)))
-    sound = np.all(np.isfinite(matrices), axis=(1, 2)) & (matrices[:, 0, 0] > 0)
-    points = [[np.full(letters.size, np.nan)] for _ in matrices]
-    good = matrices[sound]
-    good = (good + good.transpose(0, 2, 1)) / (2 * good[:, :1, :1])
-    shifted = _shifts(words, letters)
-    values, vectors = np.linalg.eigh(good)
-    rank = np.sum(values > tolerance * values[:, -1:], axis=1)
-    single = _single_atoms(vectors[:, :, -1], shifted)
-    for k, place in enumerate(np.flatnonzero(sound).tolist()):
-        if rank[k] == 1 and single is not None:
-            points[place] = [single[k]]
-            continue
-        factor = vectors[k][:, -rank[k] :] * np.sqrt(values[k][-rank[k] :])
-        found = _atoms(factor, shifted, tolerance)  # matrix = factor factor'
-        if found is not None:
-            points[place] = _by_weight(found, good[k][0], words)
-        else:
-            first = shifted[:, 0]  # the row of 1 * x_v
-            points[place] = [np.where(first >= 0, good[k][0, first], np.nan)]
-    return points
 
 
 def _single_atoms(
@@ -348,7 +316,7 @@ def _agreement(known: NDArray[Any], candidates: NDArray[Any]) -> NDArray[np.floa
 
 
 def _pairs(
-    distance: NDArray[Any], tolerance: float, limit: int, rng: np.random.Generator
+    distance: NDArray[Any], limit: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match partial points with candidates: (row, pick), rows ascending.
 
@@ -356,7 +324,7 @@ def _pairs(
     random, and more of them while the limit allows. Without chance, the candidates listed
     first would be the only ones left once the limit is reached.
     """
-    agree = distance <= tolerance
+    agree = distance <= _AGREE
     lonely = ~agree.any(axis=1)
     agree[lonely, distance[lonely].argmin(axis=1)] = True
     row, pick = np.nonzero(agree)

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.problem.problem import Problem
 
-__all__ = ["conflict_prices", "restored", "row_prices", "sequential_search", "violated_rows"]
+__all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"]
 
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
@@ -43,6 +43,7 @@ _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
 _PROMISED = 1e-11  # of the value: a step that promises less is not taken
 _LAST = 1e-9  # a step that promises less is the last one: what follows is rounding
+_TRUST = 0.1  # trust region of prices, relative to the widths of bounds
 _NEAR = 1e-2  # trust region, relative, within which the violation is to be reduced
 _STUCK = 1e-6  # of the violation: less is no reduction
 _WATCHED = 10  # steps over which the gain of a search is watched, where an end of creeping is asked
@@ -191,11 +192,6 @@ class _Search:
         return penalty * at.off - found[1], self.place(found[0])
 
 
-def restored(problem: Problem, x: NDArray[Any], held: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Choose the variables that are not held for least violation."""
-    return _restored(_Search(problem, held), x)
-
-
 def violated_rows(
     problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64]
 ) -> NDArray[np.int64]:
@@ -213,7 +209,6 @@ def row_prices(
     problem: Problem,
     x: NDArray[np.float64],
     held: NDArray[np.int64],
-    trust: float = 0.1,
     end: float = np.inf,
 ) -> NDArray[np.float64]:
     """Compute prices of constraints in the linearised problem at a point.
@@ -226,8 +221,6 @@ def row_prices(
     x : (n,) float
     held : (c,) int
         Complicating variables, as in :func:`sequential_search`.
-    trust : float
-        Trust region, relative to the width of each held variable's bounds.
     end : float
         End on the monotonic clock.
 
@@ -239,8 +232,8 @@ def row_prices(
     search = _Search(problem, held, end)
     unit = problem.upper - problem.lower
     unit = np.where(np.isfinite(unit), unit, 1.0 + np.abs(x))
-    gradient = problem.objective_row.gradient(x) / _slope(problem, x, unit, trust)
-    found = search.step(x, gradient, _PENALTY, *search.within(x, trust * unit))
+    gradient = problem.objective_row.gradient(x) / _slope(problem, x, unit, _TRUST)
+    found = search.step(x, gradient, _PENALTY, *search.within(x, _TRUST * unit))
     return np.zeros(problem.rows.size) if found is None else search.prices
 
 
@@ -284,6 +277,7 @@ def _slope(
 
 
 def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:
+    """Choose the variables that are not held for least violation."""
     problem = search.problem
     low, high = problem.lower.copy(), problem.upper.copy()
     low[search.held] = high[search.held] = x[search.held]

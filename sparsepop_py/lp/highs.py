@@ -132,7 +132,7 @@ class LinearModel:
         rows: tuple[NDArray[Any], NDArray[Any]],
         columns: tuple[NDArray[Any], NDArray[Any]],
     ) -> None:
-        """Another program; the basis is kept where the shape is the same."""
+        """Load another program; the basis is kept where the shape is the same."""
         m, n = matrix.shape
         program = highspy.HighsLp()
         program.num_row_, program.num_col_ = m, n
@@ -150,7 +150,7 @@ class LinearModel:
         self._feasible = False
 
     def bound(self, columns: NDArray[Any], lower: NDArray[Any], upper: NDArray[Any]) -> None:
-        """Other bounds for some columns."""
+        """Set other bounds for some columns."""
         self._feasible = False
         self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)
 
@@ -214,7 +214,7 @@ class LinearModel:
         )
 
     def active(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows and columns on which the last basis rests: those that are not basic.
+        """List rows and columns on which the last basis rests: those not basic.
 
         Returns
         -------

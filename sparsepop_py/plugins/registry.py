@@ -10,7 +10,7 @@ Only producers are plugged in. The steps and arguments that the verifier accepts
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Generic, TypeVar
 
@@ -90,20 +90,6 @@ class Registry(Generic[Entry]):
         if name in self._entries:
             raise self._error(f"{self.kind}: {name!r} is registered already")
         self._entries[name] = entry
-
-    def registers(self, name: str) -> Callable[[Entry], Entry]:
-        """Decorate a function or class to add it under a name.
-
-        Parameters
-        ----------
-        name : str
-        """
-
-        def add(entry: Entry) -> Entry:
-            self.register(name, entry)
-            return entry
-
-        return add
 
     def unregister(self, name: str) -> None:
         """Take an entry out again, as tests do.

@@ -55,7 +55,7 @@ class Squares:
         return Squares(weight, words, coefficients)
 
     def expanded(self) -> tuple[Words, NDArray[np.float64]]:
-        """Words (N, 2 D) and coefficients (N,) of the sum, equal words not yet merged."""
+        """Multiply out the sum: words (N, 2 D) and coefficients (N,), equal words not merged."""
         gram = self.weight * np.einsum("mgs,mgt->mst", self.coefficients, self.coefficients)
         s, t = np.triu_indices(self.words.shape[1])
         values = gram[:, s, t] * np.where(s == t, 1.0, 2.0)

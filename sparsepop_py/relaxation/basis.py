@@ -53,7 +53,7 @@ def building_bytes(problem: Problem, cliques: Cliques, order: int) -> float:
 
 
 def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray[Any], degree: int) -> Bases:
-    """Full bases of the given cliques, stacked by clique size.
+    """Build full bases of the given cliques, stacked by clique size.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ row useless. All of it follows from the products of the problem, not from its or
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import Protocol
@@ -62,7 +62,7 @@ class Products:
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial] = ()) -> Products:
-        """Products of the constraints and objectives of a problem."""
+        """Find products in the constraints and objectives of a problem."""
         return _all_products(problem, objectives) if objectives else _products_of(problem)
 
     @cached_property
@@ -302,7 +302,7 @@ class _Builder:
         sides = np.where(np.isfinite(self.problem.lower), lower.start, upper.start)
         self.rows(np.flatnonzero(single) + sides[single])
 
-    def star(self, split: bool) -> None:
+    def star(self, split: bool = False) -> None:
         """Add blocks around the complicating variables."""
         centre = [(c,) for c in self.centre]
         free = set(self.free)
@@ -459,42 +459,26 @@ def _localized(
 # ---- the table of shapes ----------------------------------------------------------------
 
 
-def _linear(
+def _shaped(
     problem: Problem,
     cliques: Cliques,
     system: PolynomialSystem,
     objectives: Sequence[Polynomial],
+    *,
+    build: Callable[[_Builder], None],
 ) -> Blocks:
     builder = _Builder(problem, cliques, objectives)
-    builder.linear()
-    return builder.blocks
-
-
-def _mixed(
-    problem: Problem,
-    cliques: Cliques,
-    system: PolynomialSystem,
-    objectives: Sequence[Polynomial],
-) -> Blocks:
-    builder = _Builder(problem, cliques, objectives)
-    builder.mixed()
-    return builder.blocks
-
-
-def _star(
-    problem: Problem,
-    cliques: Cliques,
-    system: PolynomialSystem,
-    objectives: Sequence[Polynomial],
-    split: bool = False,
-) -> Blocks:
-    builder = _Builder(problem, cliques, objectives)
-    builder.star(split)
+    build(builder)
     return builder.blocks
 
 
 SHAPES: Registry[ShapeBuilder] = Registry(
     "shape",
-    {"linear": _linear, "mixed": _mixed, "star": _star, "split": partial(_star, split=True)},
+    {
+        "linear": partial(_shaped, build=_Builder.linear),
+        "mixed": partial(_shaped, build=_Builder.mixed),
+        "star": partial(_shaped, build=_Builder.star),
+        "split": partial(_shaped, build=partial(_Builder.star, split=True)),
+    },
     ProblemError,
 )

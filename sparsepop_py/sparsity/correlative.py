@@ -49,7 +49,7 @@ __all__ = [
     "satisfies_running_intersection",
 ]
 
-
+_SHOWN = 12  # cliques of a printed tree
 Joined = Literal["constraints", "monomials", "partners"]
 
 
@@ -117,18 +117,18 @@ class Cliques:
         lines += [f"running intersection property: {holds}", "clique tree (shared with parent):"]
         return "\n".join([*lines, *self._tree_lines()])
 
-    def _tree_lines(self, most: int = 12) -> list[str]:
-        """Draw the clique tree, indented by depth; ``most`` cliques are shown."""
+    def _tree_lines(self) -> list[str]:
+        """Draw the clique tree, indented by depth; of a large one the first cliques."""
         depth: list[int] = []
         lines = []
         for k, parent in enumerate(self.tree.tolist()):
             depth.append(0 if parent < 0 else depth[parent] + 1)
-            if k < most:
+            if k < _SHOWN:
                 shared = set(self.members[k]).intersection(self.members[parent]) if depth[k] else ()
                 names = " ".join(f"x{v + 1}" for v in self.members[k])
                 common = " ".join(f"x{v + 1}" for v in sorted(shared))
                 lines.append("  " * (depth[k] + 1) + names + (f"  ({common})" if common else ""))
-        hidden = len(self) - most
+        hidden = len(self) - _SHOWN
         return lines + ([f"  ... {hidden} more"] if hidden > 0 else [])
 
     def __repr__(self) -> str:

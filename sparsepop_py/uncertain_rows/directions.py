@@ -110,7 +110,7 @@ def direction_box(
 
 
 def units_of_rows(rows: UncertainRows) -> Reals:
-    """Powers of two with which all terms of a row are of one size."""
+    """Choose powers of two with which all terms of a row are of one size."""
     size = np.abs(rows.regressors).max(axis=0, initial=0.0)
     whole = max(float(np.abs(rows.target).max(initial=0.0)), 1e-300)
     with np.errstate(divide="ignore"):

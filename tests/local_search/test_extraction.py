@@ -5,7 +5,7 @@ import pytest
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.local_search.extraction import combine, extract_clique
+from sparsepop_py.local_search.extraction import combine, extract
 
 ATOMS = {
     (1, 1): [[0.3]],
@@ -26,6 +26,10 @@ def moments(atoms, weights, basis):
     return rows.T @ (np.array(weights)[:, None] * rows)
 
 
+def atoms_of(matrix, basis):
+    return extract(matrix[None], basis)[0]
+
+
 def order_needed(k, count):
     return 3 if k == 1 and count == 3 else 2
 
@@ -43,40 +47,30 @@ def test_atoms_are_recovered(k, count, noise):
     weights = np.arange(count, 0, -1) / (count * (count + 1) / 2)
     matrix = moments(atoms, weights, basis)
     matrix += noise * np.random.default_rng(0).uniform(-1, 1, matrix.shape)
-    found = extract_clique(matrix, basis, range(k))
+    found = atoms_of(matrix, basis)
     assert matched(found, atoms, 1e-9 if noise == 0 else 1e-4)
     assert np.allclose(found, atoms, atol=1e-4)  # by falling weight
-
-
-def test_global_variable_numbers():
-    members = [2, 5, 9]
-    local = monomials.full_basis(3, 2)
-    basis = np.where(local > 0, np.array([0, 3, 6, 10])[local], 0).astype(np.int32)
-    matrix = moments(ATOMS[3, 2], [0.5, 0.5], local)
-    assert matched(extract_clique(matrix, basis, members), ATOMS[3, 2], 1e-8)
 
 
 def test_scale_of_the_measure_does_not_matter():
     basis = monomials.full_basis(2, 2)
     matrix = 7 * moments(ATOMS[2, 3], [0.3, 0.3, 0.4], basis)
-    assert matched(extract_clique(matrix, basis, [0, 1]), ATOMS[2, 3], 1e-8)
+    assert matched(atoms_of(matrix, basis), ATOMS[2, 3], 1e-8)
 
 
 def test_order_one_is_flat_only_for_one_atom():
     basis = monomials.full_basis(2, 1)
-    assert matched(
-        extract_clique(moments([[0.2, 0.3]], [1], basis), basis, [0, 1]), [[0.2, 0.3]], 1e-9
-    )
-    spread = extract_clique(moments([[1, 0], [-1, 0.5]], [0.5, 0.5], basis), basis, [0, 1])
+    assert matched(atoms_of(moments([[0.2, 0.3]], [1], basis), basis), [[0.2, 0.3]], 1e-9)
+    spread = atoms_of(moments([[1, 0], [-1, 0.5]], [0.5, 0.5], basis), basis)
     assert matched(spread, [[0.0, 0.25]], 1e-12)
 
 
 def test_not_flat_falls_back_to_first_moments():
     basis = monomials.full_basis(1, 1)
-    found = extract_clique(np.array([[1.0, 0.25], [0.25, 1.0]]), basis, [0])
+    found = atoms_of(np.array([[1.0, 0.25], [0.25, 1.0]]), basis)
     assert np.allclose(found, [[0.25]])
     uniform = np.array([[1, 0, 1 / 3], [0, 1 / 3, 0], [1 / 3, 0, 1 / 5]])
-    assert np.allclose(extract_clique(uniform, monomials.full_basis(1, 2), [0]), [[0.0]])
+    assert np.allclose(atoms_of(uniform, monomials.full_basis(1, 2)), [[0.0]])
 
 
 def test_reduced_basis_still_gives_atoms_when_enough_is_left():
@@ -84,32 +78,17 @@ def test_reduced_basis_still_gives_atoms_when_enough_is_left():
     full = monomials.full_basis(2, 2)
     basis = full[[0, 1, 2, 3, 5]]
     atoms = [[0.5, 0.2], [-0.5, 0.1]]
-    found = extract_clique(moments(atoms, [0.5, 0.5], basis), basis, [0, 1])
+    found = atoms_of(moments(atoms, [0.5, 0.5], basis), basis)
     assert matched(found, [[0.0, 0.15]], 1e-12)  # rank 2, only "1" can be multiplied
-    one = extract_clique(moments(atoms[:1], [1.0], basis), basis, [0, 1])
+    one = atoms_of(moments(atoms[:1], [1.0], basis), basis)
     assert matched(one, atoms[:1], 1e-9)
-
-
-def test_a_variable_without_row_is_unknown():
-    basis = np.array([[0, 0], [0, 1], [1, 1]], np.int32)
-    (point,) = extract_clique(moments([[0.5, 0.2]], [1.0], basis), basis, [0, 1])
-    assert point[0] == pytest.approx(0.5)
-    assert np.isnan(point[1])
 
 
 def test_useless_matrices_give_unknown_points():
     basis = monomials.full_basis(1, 1)
     for matrix in (np.full((2, 2), np.nan), np.zeros((2, 2))):
-        (point,) = extract_clique(matrix, basis, [0])
+        (point,) = atoms_of(matrix, basis)
         assert np.all(np.isnan(point))
-
-
-def test_wrong_shapes_are_named():
-    basis = monomials.full_basis(1, 1)
-    with pytest.raises(ProblemError, match="matrix: found shape"):
-        extract_clique(np.eye(3), basis, [0])
-    with pytest.raises(ProblemError, match="basis"):
-        extract_clique(np.eye(2), basis[::-1], [0])
 
 
 def test_combine_follows_the_overlap():

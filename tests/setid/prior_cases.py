@@ -8,6 +8,14 @@ import setid
 import sparsepop_py as sp
 
 
+def reflections_to_coefficients(reflections: list[float] | np.ndarray) -> np.ndarray:
+    """Coefficients c_1, ..., c_n of the monic polynomial with these reflection coefficients."""
+    coefficients = np.zeros(0)
+    for k in reflections:
+        coefficients = np.append(coefficients + k * coefficients[::-1], k)
+    return coefficients
+
+
 def admits(formulation: setid.Formulation, theta: np.ndarray, tolerance: float = 1e-9) -> bool:
     """Whether theta obeys bounds and rows of the priors."""
     x = formulation.point(theta)

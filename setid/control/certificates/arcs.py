@@ -183,7 +183,7 @@ def ratio_on_arcs(
     until: float = inf,
     ceiling: Ceiling | None = None,
 ) -> list[tuple[float, float, float]]:
-    """Proved bounds of abs(top / below) on arcs that cover [0, pi].
+    """Bound abs(top / below) on arcs that cover [0, pi], with proof.
 
     With a nominal ratio g at the centre, top / below - g = (top - g below) / below, and both are
     affine in theta: the excess is of second order in the widths.

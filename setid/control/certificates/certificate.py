@@ -10,7 +10,6 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
@@ -52,7 +51,6 @@ __all__ = [
     "stability_certificate",
 ]
 
-Reals = NDArray[np.float64]
 Method = Literal["small_gain", "characteristic"]
 _SNAP = 1e-6  # largest residual of a pole that is taken to be at z = 1, relative
 _PROOF = 0.75  # of the time for the proof; the rest looks for a plant that refutes it
@@ -150,7 +148,7 @@ class StabilityCertificate:
         return self.verdict == "certified"
 
     def summary(self) -> str:
-        """Verdict, conditions, assumptions and advice as text."""
+        """Describe verdict, conditions, assumptions and advice as text."""
         lines = [f"{self.verdict}: {self.reason}"]
         if self.plant is not None:
             lines.append(f"  consistent plant with an unstable loop: {self.plant!r}")
@@ -285,7 +283,7 @@ def stability_certificate(
 
 
 def plant_model(order: int | TransferFunction, delay: int = 0) -> TransferFunction:
-    """The structure of a plant of at most an order, with ``initial="free"``."""
+    """Build the structure of a plant of at most an order, with ``initial="free"``."""
     if isinstance(order, TransferFunction):
         return order
     n = natural(order, "plant_order", ModelError)
@@ -412,7 +410,7 @@ class Question:
         )
 
     def known(self, until: float = inf) -> ParameterSet | None:
-        """The polytope of all consistent plants by sums of rows."""
+        """Enclose all consistent plants in a polytope, by sums of rows."""
         return consistent_set(
             self.data, self.model, self.noise, self.integrators, self.margin, until=until
         )
@@ -420,7 +418,7 @@ class Question:
     def narrowed(
         self, found: ParameterSet, result: Identification, until: float = inf
     ) -> ParameterSet:
-        """The part of a set that an identification leaves."""
+        """Take the part of a set that an identification leaves."""
         if result.empty:
             return found.part(found.polytope.within(found.polytope.upper, found.polytope.lower))
         return tightened(found, result, until)

@@ -29,7 +29,7 @@ Reals = NDArray[np.float64]
 
 
 def polynomials_of(model: TransferFunction, theta: Reals) -> tuple[list[Fraction], list[Fraction]]:
-    """A and B in powers of q^-1, exactly as the doubles are."""
+    """Write A and B in powers of q^-1, exactly as the doubles are."""
     na, lags = model.na[0][0], lags_of(model)
     below = [Fraction(1), *(Fraction(float(t)) for t in theta[:na])]
     top = [Fraction(0)] * (max(lags) + 1)
@@ -41,7 +41,7 @@ def polynomials_of(model: TransferFunction, theta: Reals) -> tuple[list[Fraction
 def closed_loop_polynomial(
     controller: Transfer, model: TransferFunction, theta: Reals
 ) -> list[Fraction]:
-    """C = D_K A + N_K B in powers of q^-1, exact."""
+    """Compute C = D_K A + N_K B in powers of q^-1, exactly."""
     a, b = polynomials_of(model, theta)
     first, second = times(controller.denominator, a), times(controller.numerator, b)
     size = max(len(first), len(second))
@@ -76,7 +76,7 @@ class Characteristic:
     def attempt(
         self, found: ParameterSet, hint: Sequence[float] = (), until: float = inf
     ) -> Attempt:
-        """Zero exclusion on the circle, sign of the leading coefficient, and one stable loop."""
+        """Prove zero exclusion, the leading coefficient's sign, and one stable loop."""
         family, theta = self.family, found.centre
         low, _ = found.ranges(family.constants[:1], family.weights[:1])
         lead = float(low[0]) > 0.0 and family.at(theta)[0] > 0.0
@@ -86,5 +86,5 @@ class Characteristic:
         return Attempt(not bad, bad, (), family)
 
     def excluded(self, found: ParameterSet) -> bool:
-        """Nothing is assumed that could exclude a set."""
+        """Exclude no set: nothing is assumed that could."""
         return False

@@ -29,12 +29,12 @@ _BELOW_ONE = 1.0 - 1e-9
 
 
 def lags_of(model: TransferFunction) -> list[int]:
-    """Lags of the numerator coefficients."""
+    """List the lags of the numerator coefficients."""
     return [model.nk[0][0] + j for j in range(model.nb[0][0])]
 
 
 def denominator_of(model: TransferFunction, integrators: int = 0) -> Family:
-    """The plant's denominator A; with an integrator its quotient by 1 - q^-1."""
+    """Write the plant's denominator A; with an integrator its quotient by 1 - q^-1."""
     family = Family.of_products([Fraction(1)], [], model.na[0][0], lags_of(model))
     size = model.na[0][0] + 1
     family = Family(family.constants[:size], family.weights[:size])
@@ -65,7 +65,7 @@ class SmallGain:
     ceiling: Ceiling | None = None
 
     def families(self) -> tuple[Family, Family, Family]:
-        """Numerator and denominator of Delta, and the denominator of P."""
+        """Write numerator and denominator of Delta, and the denominator of P."""
         na, lags = self.model.na[0][0], lags_of(self.model)
         m, f = self.reference, self.factor
         own = denominator_of(self.model, self.integrators)

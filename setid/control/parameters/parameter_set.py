@@ -62,7 +62,7 @@ class ParameterSet:
         return bool(np.any(self.polytope.lower > self.polytope.upper))
 
     def theta(self, z: Reals) -> Reals:
-        """Parameters (p,) at z (q,), in doubles."""
+        """Compute parameters (p,) at z (q,), in doubles."""
         x = self.frame.origin + self.frame.axes @ z
         return np.asarray(self.rows.offset + self.rows.basis @ x, np.float64)
 
@@ -74,7 +74,7 @@ class ParameterSet:
     def in_frame(
         self, constants: NDArray[Any], weights: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any], Reals]:
-        """Functions constants + weights theta as functions of z.
+        """Write functions constants + weights theta as functions of z.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class ParameterSet:
         return found, free @ frame.axes, 8 * (rows.offset.size + 8) * _EPS * total
 
     def ranges(self, constants: Reals, weights: Reals) -> tuple[Reals, Reals]:
-        """Proved least and largest values (K,) of constants (K,) + weights (K, p) theta."""
+        """Bound values (K,) of constants (K,) + weights (K, p) theta from both sides."""
         constant, directions, loss = self.in_frame(constants, weights)
         low, high = self.polytope.ranges(directions)
         slack = loss + 4 * _EPS * (np.abs(constant) + np.maximum(np.abs(low), np.abs(high)))
@@ -108,14 +108,14 @@ class ParameterSet:
         return self.ranges(np.zeros(p), np.eye(p))
 
     def within(self, matrix: Reals, right: Reals, until: float = inf) -> ParameterSet:
-        """The part in which matrix theta <= right holds, shrunk again until a deadline."""
+        """Take the part in which matrix theta <= right, shrunk again until a deadline."""
         constant, directions, loss = self.in_frame(np.zeros(len(right)), matrix)
         size = np.abs(right) + np.abs(constant)
         smaller = self.polytope.with_rows(directions, right - constant + loss + 4 * _EPS * size)
         return self.part(cover_by_sums(self.rows, smaller, self.frame, until=until))
 
     def halves(self, axis: int) -> list[ParameterSet]:
-        """The two parts below and above the middle of a coordinate z, empty ones left out."""
+        """Halve the set at the middle of a coordinate z, empty parts left out."""
         found, old = [], self.polytope.essential()
         for side in (0, 1):
             low, high = old.lower.copy(), old.upper.copy()
@@ -128,7 +128,7 @@ class ParameterSet:
         return found
 
     def part(self, polytope: Polytope) -> ParameterSet:
-        """The same rows and frame over another polytope."""
+        """Keep rows and frame over another polytope."""
         return ParameterSet(self.rows, self.frame, polytope)
 
 
@@ -307,7 +307,7 @@ def priors_of(
 
 
 def tightened(known: ParameterSet, result: Identification, until: float = inf) -> ParameterSet:
-    """A parameter set within the outer intervals of an identification.
+    """Tighten a parameter set to the outer intervals of an identification.
 
     Parameters
     ----------

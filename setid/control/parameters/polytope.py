@@ -54,24 +54,24 @@ class Polytope:
         return np.asarray(self.lower / 2 + self.upper / 2, np.float64)
 
     def with_rows(self, matrix: Reals, right: Reals) -> Polytope:
-        """The part of the polytope in which further rows hold."""
+        """Add rows: the part of the polytope in which they hold."""
         rows = np.concatenate([self.matrix, matrix]), np.concatenate([self.right, right])
         return Polytope(self.lower, self.upper, *rows)
 
     def within(self, lower: Reals, upper: Reals) -> Polytope:
-        """The part of the polytope in a box."""
+        """Take the part of the polytope in a box."""
         ends = np.maximum(self.lower, lower), np.minimum(self.upper, upper)
         return Polytope(*ends, self.matrix, self.right)
 
     def essential(self) -> Polytope:
-        """The same box with the rows that were active at some optimum; it contains this one."""
+        """Keep the box and the rows active at some optimum; it contains this polytope."""
         m = self.right.size
         used = [rows[rows < m] for rows in self._source.bases]
         kept = np.unique(np.concatenate(used)) if used else np.zeros(0, np.int64)
         return Polytope(self.lower, self.upper, self.matrix[kept], self.right[kept])
 
     def ranges(self, directions: Reals) -> tuple[Reals, Reals]:
-        """Proved least and largest values of linear functions.
+        """Bound linear functions from both sides.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class Polytope:
         return -both[len(directions) :], both[: len(directions)]
 
     def maxima(self, directions: Reals) -> Reals:
-        """Proved upper bounds (K,) of directions (K, p) times x."""
+        """Bound directions (K, p) times x from above, with proof."""
         wanted = np.asarray(directions, float)
         found = safe_maxima(self, wanted, np.zeros(0, np.int64), np.zeros((len(wanted), 0)))
         if self.right.size:
@@ -123,6 +123,6 @@ class Polytope:
 
 
 def box_of(lower: Reals, upper: Reals) -> Polytope:
-    """A box as a polytope without rows."""
+    """Make a box a polytope without rows."""
     p = lower.size
     return Polytope(frozen(lower.copy()), frozen(upper.copy()), np.zeros((0, p)), np.zeros(0))

@@ -16,7 +16,7 @@ _BISECTIONS = 60
 
 
 def ratio_range(found: ParameterSet, top: Reals, below: Reals) -> tuple[float, float]:
-    """Range of top'theta / below'theta over a set; infinite where the divisor may vanish.
+    """Bound top'theta / below'theta over a set; infinite where the divisor may vanish.
 
     A number c is a lower bound where the least value of (top - c below)'theta is proved to be
     >= 0 for a positive divisor; bisection finds the largest such c.
@@ -57,7 +57,7 @@ def _bound(found: ParameterSet, top: Reals, below: Reals) -> float:
 def series_times(
     integral: tuple[float, float], derivative: tuple[float, float]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ti and Td of the series form from those of the ideal form.
+    """Convert Ti and Td of the ideal form to those of the series form.
 
     With ideal Ti, Td the series times are the roots of x^2 - Ti x + Ti Td: the larger is Ti.
     It grows with Ti and falls with Td where Ti >= 4 Td > 0.

@@ -58,7 +58,7 @@ class NoisyRows:
         return np.asarray(self.bound / self.largest, np.float64)
 
     def shape_of_noise(self, x: Reals) -> sps.csr_array:
-        """Coefficients (R, M) of the noise samples at x (q,)."""
+        """Compute coefficients (R, M) of the noise samples at x (q,)."""
         total = self.noise
         for value, slope in zip(x, self.slopes, strict=True):
             total = total + slope * float(value)
@@ -68,7 +68,7 @@ class NoisyRows:
 def noisy_rows(
     data: IOData, model: TransferFunction, noise: Noise, integrators: int = 0
 ) -> NoisyRows:
-    """Rows of one transfer function from input to output.
+    """Write the rows of one transfer function from input to output.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class Frame:
     axes: Reals
 
     def box_around(self, lower: Reals, upper: Reals) -> Polytope | None:
-        """A polytope in z that holds all x of a box; None where the axes are nearly dependent.
+        """Enclose a box of x in z; None where the axes are nearly dependent.
 
         With W about the inverse of the axes, z = W (x - origin) + (I - W axes) z.
         """
@@ -106,7 +106,7 @@ class Sums:
 
 
 def sums_of(rows: NoisyRows, weights: Reals, frame: Frame) -> Sums:
-    """Sums of rows with weights (S, R), in the coordinates of a frame.
+    """Sum rows with weights (S, R), in the coordinates of a frame.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def sums_of(rows: NoisyRows, weights: Reals, frame: Frame) -> Sums:
 
 
 def best_fit(rows: NoisyRows) -> Frame:
-    """Parameters with least squares of the noise, and the axes of their errors.
+    """Fit parameters with least squares of the noise; find the axes of their errors.
 
     Gauss-Newton on min sum (w / bound)^2 subject to the rows, from least squares.
 
@@ -167,7 +167,7 @@ def best_fit(rows: NoisyRows) -> Frame:
 
 
 def least_noise_fit(rows: NoisyRows, x: Reals) -> Reals:
-    """Parameters (q,) whose largest noise sample is least, from a start, by linear programs.
+    """Fit parameters (q,) of least largest noise sample, from a start, by linear programs.
 
     Each program takes the rows linearised at the noise of the last one (computed, not proved).
     """
@@ -272,7 +272,9 @@ def _above(factor: Reals, right: Reals) -> Reals:
 
 
 def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | None:
-    """A box from a left inverse: abs(z - z0) <= d + G abs(z - z0), with the noise summed first.
+    """Find a box from a left inverse of the rows.
+
+    It follows from abs(z - z0) <= d + G abs(z - z0); d has the noise summed first.
 
     Parameters
     ----------
@@ -317,7 +319,9 @@ def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals |
 
 
 def return_factor(rows: NoisyRows, frame: Frame) -> float:
-    """Spectral radius of G in abs(z - z0) <= d + G abs(z - z0); a box follows where it is below 1.
+    """Compute the spectral radius of G that :func:`first_box` multiplies abs(z - z0) by.
+
+    A box follows where it is below 1.
 
     Parameters
     ----------
@@ -416,7 +420,7 @@ def _cutting(cover: Polytope) -> Polytope:
 
 
 def rows_on_box(sums: Sums, box: Polytope) -> tuple[Reals, Reals]:
-    """Linear rows matrix x <= right that hold for consistent x in a box.
+    """Write linear rows matrix x <= right that hold for consistent x in a box.
 
     abs(c_m(x)) is affine where its sign is known on the box, and below its chord elsewhere.
 

@@ -203,7 +203,7 @@ class _Search:
     # ---- the search ------------------------------------------------------------------------
 
     def run(self, tol: float, least: float) -> bool:
-        """Part cones until none reaches farther than is asked; whether time sufficed.
+        """Part cones until none reaches farther than is asked; tell if time sufficed.
 
         Denominators need not be nearer than ``least``.
         """
@@ -392,7 +392,7 @@ class _Search:
     # ---- what is proved --------------------------------------------------------------------
 
     def proved(self, output: int) -> tuple[VaryingCells, tuple[Limit, ...]]:
-        """All cones, limits that bind on one that is left, and the multipliers of both."""
+        """List all cones, limits that bind on one that is left, and both's multipliers."""
         binding = self._binding()
         used = {m for limit in binding for m in limit.used}
         for cell in self._cells:

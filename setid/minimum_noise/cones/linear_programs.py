@@ -105,7 +105,7 @@ class _Point:
     dual_minors: Reals
 
     def small(self) -> tuple[Reals, Reals]:
-        """Slacks and minors, and their dual values."""
+        """Compute slacks and minors, and their dual values."""
         return (
             np.concatenate([self.slack, self.minors]),
             np.concatenate([self.coupled.weights, self.dual_minors]),
@@ -248,7 +248,7 @@ class _Program:
         return (*best[:3], at.coupled.weights)
 
     def needed(self, at: _Point, totals: Totals) -> Reals:
-        """The left side that each pair reaches, beside its noise (pairs,)."""
+        """Compute the left side that each pair reaches, beside its noise (pairs,)."""
         return np.asarray(-totals.products[: self.count] - at.minors @ self.minors, np.float64)
 
     def _step(self, at: _Point, totals: Totals) -> tuple[_Point, Totals, float]:
@@ -316,7 +316,7 @@ class _Direction(NamedTuple):
     sums: Reals
 
     def lengths(self, at: _Point) -> tuple[float, float]:
-        """Steps to the boundary, at most 1, in the unknowns and in the dual values."""
+        """Compute steps to the boundary, at most 1, in unknowns and in dual values."""
         least = self.least
         if at.slack.size:
             pairs_ = zip(self.point.small(), at.small(), strict=True)

@@ -52,7 +52,7 @@ class ConeNode(NamedTuple):
     edges: Reals
 
     def sizes(self, bound: Reals) -> Reals:
-        """Sizes of the vectors (K,), in the noise that the multiplier of a cone lets through.
+        """Compute sizes of the vectors (K,), in the noise a cone's multiplier lets through.
 
         Parameters
         ----------
@@ -64,7 +64,7 @@ class ConeNode(NamedTuple):
         return np.maximum(np.abs(cone @ self.centre) @ bound, _LEAST)
 
     def powers(self, bound: Reals) -> tuple[int, ...]:
-        """Powers of two that are nearest to the sizes.
+        """Round the sizes to the nearest powers of two.
 
         Parameters
         ----------

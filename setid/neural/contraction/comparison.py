@@ -108,13 +108,13 @@ def contraction(matrix: Reals) -> Weighted:
 
 
 def rate_of(matrix: Reals, weights: Reals) -> float:
-    """Upper bound of max_i (A w)_i / w_i."""
+    """Bound max_i (A w)_i / w_i from above."""
     grown = matmul(Interval.point(matrix), Interval.point(weights[:, None])).hi[:, 0]
     return float(np.max(up(np.maximum(grown, 0.0) / weights)))
 
 
 def norm(matrix: Reals, kind: str) -> float:
-    """Upper bound of the induced norm of a matrix, ``kind`` "2" or "inf".
+    """Bound the induced norm of a matrix from above, ``kind`` "2" or "inf".
 
     Examples
     --------
@@ -157,7 +157,7 @@ def _plus(*terms: float | Reals) -> Reals:
 
 
 def comparisons(net: Model, inputs: Interval | None) -> list[Comparison]:
-    """Comparison systems of a network, each a sufficient condition of its own.
+    """Build comparison systems of a network, each a sufficient condition of its own.
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ def _gru(net: GRU, inputs: Interval) -> Comparison:
 
 
 def output_slopes(net: Model, kind: str) -> tuple[Reals, float]:
-    """Gains from the blocks of a comparison and from the inputs to the outputs, inf-norm of y."""
+    """Bound gains of blocks of a comparison and of inputs to outputs, inf-norm of y."""
     if isinstance(net, RegressorNetwork):
         found = np.zeros(net.states)
         found[: net.outputs] = 1.0

@@ -42,6 +42,7 @@ from setid.neural.models.regressor import RegressorNetwork
 __all__ = ["Lyapunov", "difference_system", "find_lyapunov", "prove_lyapunov", "size_bounds"]
 
 Reals = NDArray[np.float64]
+_BISECTIONS = 7  # of the interval of rates
 _SLOWEST = 0.9999  # rate that decides between "stable" and "open"
 
 
@@ -159,13 +160,13 @@ def prove_lyapunov(system: DifferenceSystem, found: Lyapunov) -> bool:
     return bool(surely_semidefinite(symmetric))
 
 
-def find_lyapunov(system: DifferenceSystem, steps: int = 7) -> Lyapunov | None:
+def find_lyapunov(system: DifferenceSystem) -> Lyapunov | None:
     """Search the least rate for which a solver's matrices can be verified, by bisection."""
     best = _solve(system, _SLOWEST)
     if best is None:
         return None
     low = 0.0
-    for _ in range(steps):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + best.rate)
         found = _solve(system, middle)
         if found is None:
@@ -215,7 +216,7 @@ def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
 
 
 def size_bounds(P: Reals) -> tuple[float, float]:
-    """Bounds low <= least eigenvalue and largest eigenvalue <= high of a definite matrix."""
+    """Bound least and largest eigenvalue of a definite matrix from below and above."""
     values = np.linalg.eigvalsh(P)
     high = float(np.max(row_sums(P)))
     near = float(values[-1]) * (1.0 + 1e-9)

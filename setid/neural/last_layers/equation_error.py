@@ -85,7 +85,7 @@ class EquationError:
 
 
 def rows_of(net: RegressorNetwork, data: IOData) -> tuple[Reals, NDArray[np.int64]]:
-    """Regressors of a record for a network that is fed by regressors, at least one row."""
+    """Compute regressors of a record for a network fed by them, at least one row."""
     if not isinstance(net, RegressorNetwork):
         raise ModelError(
             f"net: found {type(net).__name__}, expected NNARX or NNOE; a network with a state has "

@@ -49,7 +49,7 @@ from setid.neural.last_layers.polytope import (
 )
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, same_intervals
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
@@ -245,12 +245,8 @@ class LastLayer:
             if not verdict:
                 return verdict
         wanted, status = _intervals(self.net, self.sets)
-        good = status is self.status and all(
-            (item.outer, item.inner, item.status)
-            == (wanted[name].outer, wanted[name].inner, wanted[name].status)
-            for name, item in self.intervals.items()
-        )
-        return Verification(good, "" if good else "the intervals are not those of the sets")
+        same = status is self.status and same_intervals(self.intervals, wanted)
+        return agreed((same, "the intervals are not those of the sets"))
 
     def __repr__(self) -> str:
         items = ", ".join(repr(item) for item in list(self.intervals.values())[:3])

@@ -47,7 +47,7 @@ class Rows:
         return self.features.lo.shape[1]
 
     def widened(self, factor: float) -> Rows:
-        """The same rows with ``factor`` times the radius, rounded up."""
+        """Widen the rows to ``factor`` times the radius, rounded up."""
         return self if factor == 1.0 else Rows(self.features, self.target, up(self.radius * factor))
 
 
@@ -145,7 +145,7 @@ def least_factor(rows: Rows) -> tuple[float, Reals, Reals]:
 
 
 def prove_factor(rows: Rows, dual: Reals, reach: Reals) -> float:
-    """Lower bound of the least factor over abs(theta) <= reach, from multipliers (2, T)."""
+    """Bound the least factor over abs(theta) <= reach from below, by multipliers (2, T)."""
     signed = Interval.point(np.maximum(dual[:1], 0.0)) + Interval.point(np.minimum(dual[1:], 0.0))
     size = matmul(Interval.point(np.abs(dual)), Interval.point(rows.radius[:, None])).hi.sum()
     gain = matmul(signed, Interval.point(rows.target[:, None])).lo[0, 0]

@@ -57,7 +57,7 @@ class Form:
 
     @staticmethod
     def of_box(low: Reals, high: Reals) -> Form:
-        """Form of a box; each entry that is no single number gets a generator."""
+        """Make the form of a box; each entry of some width gets a generator."""
         centre = 0.5 * low + 0.5 * high
         reach = up(np.maximum(up(high - centre), up(centre - low)))
         open_ = high > low
@@ -67,11 +67,11 @@ class Form:
 
     @staticmethod
     def of_point(values: Reals, generators: int) -> Form:
-        """Form of one vector."""
+        """Make the form of one vector."""
         return Form(values, np.zeros((values.size, generators)), np.zeros(values.size))
 
     def range(self) -> Interval:
-        """Interval hull."""
+        """Compute the interval hull."""
         size = np.abs(self.generators).sum(axis=1)
         reach = (size + self.radius) * (1.0 + (self.generators.shape[1] + 4.0) * _UNIT) + _TINY
         with np.errstate(invalid="ignore", over="ignore"):
@@ -80,11 +80,11 @@ class Form:
         return Interval(np.where(bad, -np.inf, low), np.where(bad, np.inf, high))
 
     def rows(self, part: slice) -> Form:
-        """Some entries."""
+        """Take some entries."""
         return Form(self.centre[part], self.generators[part], self.radius[part])
 
     def promoted(self) -> Form:
-        """The same set with the radius as generators of its own, so that linear maps keep it."""
+        """Promote the radius to generators, so that linear maps keep it; same set."""
         own = np.flatnonzero(self.radius > 0)
         extra = np.zeros((self.radius.size, own.size))
         extra[own, np.arange(own.size)] = self.radius[own]
@@ -103,7 +103,10 @@ def join(*parts: Form) -> Form:
 
 
 def affine_map(weight: Reals, bias: Reals, x: Form) -> Form:
-    """W x + b; the radius of ``x`` is taken entry by entry (promote it first to keep it)."""
+    """Compute W x + b; the radius of ``x`` is taken entry by entry.
+
+    Promote the form first to keep the radius.
+    """
     size = np.abs(weight)
     centre = weight @ x.centre + bias
     generators = weight @ x.generators
@@ -145,7 +148,7 @@ def activation(name: str, x: Form, leak: float = 0.0, known: Interval | None = N
 
 
 def product(x: Form, y: Form) -> Form:
-    """Products entry by entry of forms that share their generators."""
+    """Multiply, entry by entry, forms that share their generators."""
     most = max(x.generators.shape[1], y.generators.shape[1])
     gx = np.pad(x.generators, ((0, 0), (0, most - x.generators.shape[1])))
     gy = np.pad(y.generators, ((0, 0), (0, most - y.generators.shape[1])))
@@ -218,7 +221,7 @@ def reduce(x: Form, kept: int, most: int) -> Form:
 
 
 def network_output(net: Network, x: Form) -> Form:
-    """A feed-forward network of a form."""
+    """Compute a feed-forward network of a form."""
     value = x
     for w, b, name in zip(net.weights, net.biases, net.activation, strict=True):
         value = activation(name, affine_map(w, b, value.promoted()), net.leak)

@@ -12,7 +12,6 @@ root's outputs no longer depend on the initial state are simulated once, for all
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,36 +30,18 @@ from setid.neural.arithmetic import (
     row_sums,
     up,
 )
+from setid.neural.branching import BestFirst, DualNode, halves
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
 from setid.neural.simulations.forms import Form
 from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
 from setid.neural.status import Status, agreed
 
-__all__ = ["Node", "OutputError", "output_error"]
+__all__ = ["OutputError", "output_error"]
 
 Reals = NDArray[np.float64]
 Model = Elman | NeuralStateSpace | LSTM | GRU | RegressorNetwork
 _MOST = 4  # open dimensions of the initial state
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Node:
-    """A box of initial states: bisected, or bounded by multipliers.
-
-    Parameters
-    ----------
-    split : int
-        Entry of the state whose range is bisected; -1 at a leaf.
-    children : tuple of Node
-        The lower and the upper half.
-    dual : (T,) float
-        Multipliers a - b at a leaf.
-    """
-
-    split: int
-    children: tuple[Node, ...]
-    dual: Reals
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -80,7 +61,7 @@ class OutputError:
     tolerance : float
     horizon : int
         Samples that are simulated for each box; the rest is bounded at the root.
-    tree : Node
+    tree : DualNode
     nodes : int
     """
 
@@ -93,7 +74,7 @@ class OutputError:
     x0: Reals
     tolerance: float
     horizon: int
-    tree: Node
+    tree: DualNode
     nodes: int
 
     def verify(self) -> Verification:
@@ -193,7 +174,7 @@ def output_error(
     open_ = int(np.count_nonzero(box.hi > box.lo))
     if open_ > _MOST:
         raise ModelError(f"x0_box: found {open_} open entries, expected at most {_MOST}")
-    return _Search(net, data, box, tolerance).run(nodes)
+    return _Search(net, data, box, tolerance).least(nodes)
 
 
 def _horizon(net: Model, data: IOData, box: Interval) -> int:
@@ -202,13 +183,6 @@ def _horizon(net: Model, data: IOData, box: Interval) -> int:
     scale = float(np.nanmax(np.abs(data.y))) + 1e-300
     late = np.flatnonzero(~(width <= 1e-9 * scale))
     return int(late[-1]) + 1 if late.size else min(1, data.samples)
-
-
-def _halves(box: Interval, entry: int) -> tuple[Interval, Interval]:
-    middle = 0.5 * box.lo[entry] + 0.5 * box.hi[entry]
-    low, high = box.hi.copy(), box.lo.copy()
-    low[entry], high[entry] = middle, middle
-    return Interval(box.lo, low), Interval(high, box.hi)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -232,7 +206,7 @@ class _Rows:
         return _Rows(rest, generators[known], radius[known])
 
     def prove(self, dual: Reals) -> float:
-        """Lower bound of D from multipliers a - b, shape (T,); rows without a bound are left."""
+        """Bound D from below by multipliers a - b (T,); unbounded rows are left out."""
         good = np.isfinite(self.radius)
         if dual.shape != self.radius.shape or np.any(dual[~good] != 0):
             return 0.0
@@ -249,7 +223,7 @@ class _Rows:
         return float(found) if found > 0 else 0.0
 
     def solve(self) -> tuple[Reals, Reals]:
-        """Multipliers a - b and the minimising e of the linear program."""
+        """Solve the linear program: multipliers a - b and the minimising e."""
         good = np.flatnonzero(np.isfinite(self.radius))
         g, r, y = self.generators[good], self.radius[good], self.rest.middle()[good]
         count, kept = g.shape
@@ -281,64 +255,61 @@ def _attained(net: Model, data: IOData, x0: Reals) -> float:
     return float(np.nanmax(most))
 
 
-def _replay(net: Model, data: IOData, tail: _Tail, box: Interval, node: Node) -> float:
+def _replay(net: Model, data: IOData, tail: _Tail, box: Interval, node: DualNode) -> float:
     """Least of the bounds that the leaves of a tree prove."""
     if node.split >= 0:
         if len(node.children) != 2 or node.split >= box.lo.size:
             return 0.0
-        halves = _halves(box, node.split)
-        return min(_replay(net, data, tail, *item)
-                   for item in zip(halves, node.children, strict=True))  # fmt: skip
+        parts = zip(halves(box, node.split), node.children, strict=True)
+        return min(_replay(net, data, tail, half, child) for half, child in parts)
     rows = _Rows.of(net, data, box, tail.horizon)
     return max(tail.least, rows.prove(node.dual))
 
 
-class _Search:
-    """Best-first branch and bound; leaves are bounded once, the weakest is bisected."""
+class _Search(BestFirst[Interval]):
+    """Best-first branch and bound over the initial state."""
 
     def __init__(self, net: Model, data: IOData, box: Interval, tolerance: float) -> None:
+        super().__init__()
         self.net, self.data, self.box, self.tolerance = net, data, box, tolerance
         self.horizon = _horizon(net, data, box)
         self.tail = _Tail.of(net, data, box, self.horizon)
         self.x0, self.guess = 0.5 * box.lo + 0.5 * box.hi, np.inf
-        self.known: dict[int, tuple[Interval, float, Reals, int]] = {}
-        self.parents: dict[int, tuple[int, int, int]] = {}
 
-    def run(self, most: int) -> OutputError:
+    def least(self, most: int) -> OutputError:
         """Bisect until the bounds meet or ``most`` nodes are bounded."""
         self._try(self.x0)
-        queue = [(self._bound(0, self.box), 0)]
-        count = 1
-        while count < most and self.guess - queue[0][0] > 0.9 * self.tolerance * self.guess:
-            _, number = heapq.heappop(queue)
-            box, _, _, entry = self.known[number]
-            self.parents[number] = (entry, count, count + 1)
-            for half in _halves(box, entry):
-                heapq.heappush(queue, (self._bound(count, half), count))
-                count += 1
-        lower = max(self.tail.least, queue[0][0])
+        self.add(self.box)
+        while (len(self.known) < most
+               and self.guess - self.bound > 0.9 * self.tolerance * self.guess):  # fmt: skip
+            self.branch()
+        lower = max(self.tail.least, self.bound)
         upper = _attained(self.net, self.data, self.x0)
         closed = upper - lower <= self.tolerance * upper
         status = Status.PROVED if closed else Status.PARTIAL
         return OutputError(
             self.net, self.data, self.box, status, lower, upper, self.x0, self.tolerance,
-            self.horizon, self._tree(0), count,
+            self.horizon, self.tree(), len(self.known),
         )  # fmt: skip
 
-    def _bound(self, number: int, box: Interval) -> float:
-        rows = _Rows.of(self.net, self.data, box, self.horizon)
+    def parts(self, part: Interval, split: int) -> tuple[Interval, Interval]:
+        """Bisect a box along an entry of the state."""
+        return halves(part, split)
+
+    def add(self, part: Interval) -> None:
+        """Bound a box, and try the state that its program proposes."""
+        rows = _Rows.of(self.net, self.data, part, self.horizon)
         dual, e = rows.solve()
         value = max(self.tail.least, rows.prove(dual))
-        open_ = np.flatnonzero(box.hi > box.lo)
-        x0 = 0.5 * box.lo + 0.5 * box.hi
-        x0[open_] += 0.5 * box.width()[open_] * e
-        self._try(np.clip(x0, box.lo, box.hi))
+        open_ = np.flatnonzero(part.hi > part.lo)
+        x0 = 0.5 * part.lo + 0.5 * part.hi
+        x0[open_] += 0.5 * part.width()[open_] * e
+        self._try(np.clip(x0, part.lo, part.hi))
         reach = np.abs(rows.generators[np.isfinite(rows.radius)]).max(axis=0, initial=0.0)
-        relative = box.width()[open_] / np.maximum(self.box.width()[open_], 1e-300)
+        relative = part.width()[open_] / np.maximum(self.box.width()[open_], 1e-300)
         score = np.where(np.isfinite(reach) & (reach > 0), reach, relative)
         entry = int(open_[np.argmax(score)]) if open_.size else 0
-        self.known[number] = box, value, dual, entry
-        return value
+        self.file(value, part, dual, False, entry, None)
 
     def _try(self, x0: Reals) -> None:
         """Simulate a state in floating point; keep it if it is the best so far."""
@@ -346,9 +317,3 @@ class _Search:
         value = float(np.nanmax(np.abs(found - self.data.y)))
         if value < self.guess:
             self.x0, self.guess = x0, value
-
-    def _tree(self, number: int) -> Node:
-        if number in self.parents:
-            entry, low, high = self.parents[number]
-            return Node(entry, (self._tree(low), self._tree(high)), np.zeros(0))
-        return Node(-1, (), self.known[number][2])

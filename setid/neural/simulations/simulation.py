@@ -73,7 +73,7 @@ class SimulationBand:
         return np.asarray(np.max(self.high - self.low, axis=1), np.float64)
 
     def outside(self, noise: float = 0.0) -> NDArray[np.int64]:
-        """Sample and output (from 0) of readings that no state in the box explains.
+        """List sample and output (from 0) of readings that no state explains.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ def simulate_band(net: Model, data: IOData, x0: ArrayLike | None = None) -> Simu
 
 
 def initial_box(net: Model, data: IOData, x0: Any) -> Interval:
-    """Range of the initial state, (states,) ends."""
+    """Find the range of the initial state, (states,) ends."""
     if x0 is None:
         if isinstance(net, RegressorNetwork):
             x0 = data.y[: net.order].ravel()
@@ -160,7 +160,7 @@ def initial_box(net: Model, data: IOData, x0: Any) -> Interval:
 
 
 def run_forms(net: Model, data: IOData, box: Interval, samples: int | None = None) -> list[Form]:
-    """Output forms of each sample; their first generators belong to the initial state.
+    """Compute output forms of each sample; their first generators belong to the initial state.
 
     Parameters
     ----------

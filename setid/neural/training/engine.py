@@ -54,7 +54,7 @@ class TrainingProblem:
     cap: float
 
     def point(self, w: Reals, b: Reals) -> Reals | None:
-        """All unknowns (n,) of a network with hidden weights w (k, d), b (k,), by simulation.
+        """Simulate all unknowns (n,) of a network with hidden weights w (k, d), b (k,).
 
         The best c and D follow. None where D is above the cap.
         """
@@ -165,7 +165,7 @@ def search_by_engine(item: TrainingProblem, seconds: float) -> tuple[sp.Result, 
 
 
 def proved_by_certificate(item: TrainingProblem, certificate: sp.Certificate | None) -> float:
-    """Lower bound of D that a certificate proves, at most the cap."""
+    """Bound D from below by what a certificate proves, at most the cap."""
     if certificate is None or not certificate.verify(item.problem):
         return 0.0
     return min(max(certificate.bound, 0.0), item.cap)

@@ -34,11 +34,12 @@ from setid import (
 )
 from setid.data.checks import FrozenMapping, frozen, number, switch
 from setid.neural.arithmetic import activate, require_ieee, up
+from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
-from setid.neural.training.patterns import Goal, PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.status import Status, agreed, same_intervals
+from setid.neural.training.patterns import Goal, Patterns, PatternSearch, prove_tree
 from setid.neural.training.smooth_weights import (
     SmoothHiddenWeights,
     interval_of,
@@ -73,7 +74,7 @@ class SignChoice:
     signs: tuple[float, ...]
     low: Reals
     high: Reals
-    steps: tuple[tuple[Goal, PatternNode], ...]
+    steps: tuple[tuple[Goal, DualNode], ...]
     members: Reals
 
     @property
@@ -131,11 +132,7 @@ class HiddenWeights:
             if not verdict:
                 return verdict
         wanted, status = _intervals(task, self.choices)
-        same = status is self.status and wanted.keys() == self.intervals.keys()
-        same = same and all(
-            (a.outer, a.inner, a.status) == (b.outer, b.inner, b.status)
-            for a, b in zip(wanted.values(), self.intervals.values(), strict=True)
-        )
+        same = status is self.status and same_intervals(self.intervals, wanted)
         return agreed((same, "the intervals are not those of the choices"))
 
     def __repr__(self) -> str:
@@ -296,7 +293,7 @@ class _Task:
         return [*found, *(f"b{j + 1}" for j in range(k)), "c"]
 
     def box(self) -> tuple[Reals, Reals]:
-        """Ranges that are assumed of hidden weights and biases, and what c has then."""
+        """Compute the assumed ranges of hidden weights and biases, and that of c."""
         high = np.full(self.width * (self.phi.shape[1] + 1) + 1, self.reach)
         size = self.width * float(up(np.abs(self.phi).sum(axis=1).max() * 1.000001 + 1.000001))
         high[-1] = float(up(up(size * self.reach) * max(1.0, abs(self.leak)))) * 1.000001
@@ -304,13 +301,13 @@ class _Task:
         return -high, high
 
     def program(self, signs: tuple[float, ...], box: tuple[Reals, Reals]) -> Patterns:
-        """The program of all patterns within a box of weights."""
+        """Build the program of all patterns within a box of weights."""
         return Patterns.of(self.phi, self.y, np.array(signs), self.leak, box, self.bound)
 
     def drawn(
-        self, signs: tuple[float, ...], steps: tuple[tuple[Goal, PatternNode], ...]
+        self, signs: tuple[float, ...], steps: tuple[tuple[Goal, DualNode], ...]
     ) -> tuple[Reals, Reals]:
-        """The box that the trees prove one after the other; low above high where it is empty."""
+        """Compute the box that the trees prove in turn; low above high where empty."""
         low, high = self.box()
         goals = {(entry, side) for entry in range(low.size + 1) for side in (1.0, -1.0)}
         for goal, tree in steps:
@@ -324,7 +321,7 @@ class _Task:
         return low, high
 
     def parts(self, x: Reals) -> tuple[Reals, Reals, float]:
-        """Hidden weights (k, d), biases (k,) and output bias of a vector."""
+        """Split a vector in hidden weights (k, d), biases (k,) and output bias."""
         k, d = self.width, self.phi.shape[1]
         return x[: k * d].reshape(k, d), x[k * d : k * d + k], float(x[-1])
 
@@ -357,11 +354,11 @@ class _Search:
     def __init__(self, task: _Task, signs: tuple[float, ...], until: float) -> None:
         self.task, self.signs, self.until = task, signs, until
         self.low, self.high = task.box()
-        self.steps: list[tuple[Goal, PatternNode]] = []
+        self.steps: list[tuple[Goal, DualNode]] = []
         self.members: dict[Goal, Reals] = {}
 
     def run(self) -> SignChoice:
-        """First whether there is a network, then each end in two rounds."""
+        """Decide whether there is a network, then search each end in two rounds."""
         size = self.low.size
         self.bounded((size, 1.0), _ROUNDS[-1])
         goals = [(entry, side) for entry in range(size) for side in (1.0, -1.0)]
@@ -381,12 +378,12 @@ class _Search:
         )
 
     def value(self, goal: Goal) -> float:
-        """The least value of a goal that a member attains."""
+        """Find the least value of a goal that a member attains."""
         found = self.members.get(goal)
         return np.inf if found is None else goal[1] * float(found[goal[0]])
 
     def gap(self, goal: Goal) -> float:
-        """Distance of proved and attained end above what is allowed, infinite without a member."""
+        """Compute by how much the ends differ beyond the allowed; infinite without a member."""
         entry, side = goal
         if goal not in self.members:
             return np.inf
@@ -394,7 +391,7 @@ class _Search:
         return self.value(goal) - float(proved) - self.allowed(entry)
 
     def allowed(self, entry: int) -> float:
-        """Half of the gap that "certified" allows."""
+        """Compute half of the gap that "certified" allows."""
         ends = [self.value((entry, side)) for side in (1.0, -1.0)]
         return 0.5 * _CLOSED * max(-ends[1] - ends[0], 0.0) if np.all(np.isfinite(ends)) else 0.0
 

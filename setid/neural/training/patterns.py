@@ -23,8 +23,8 @@ theorem 4.1: enumeration of patterns.
 
 from __future__ import annotations
 
-import heapq
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,34 +32,14 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from setid.neural.arithmetic import Interval, LinearModel, down, matmul, up
+from setid.neural.branching import BestFirst, DualNode
 
-__all__ = ["Goal", "PatternNode", "PatternSearch", "Patterns", "prove_tree"]
+__all__ = ["Goal", "PatternSearch", "Patterns", "prove_tree"]
 
 Reals = NDArray[np.float64]
 Goal = tuple[int, float]  # column, and +1 to bound it from below, -1 from above
 _ROOM = 1e-9
 _LEAST = 0.01  # seconds of a program that is begun when the time is over
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PatternNode:
-    """A set of activation patterns: split at one pair, or bounded by multipliers.
-
-    Parameters
-    ----------
-    split : int
-        Pair (sample and neuron) that is decided; -1 at a leaf.
-    children : tuple of PatternNode
-        With a- = 0 and with a+ = 0.
-    dual : (rows,) float
-    infeasible : bool
-        Whether ``dual`` proves that no pattern of the node stays below the cap.
-    """
-
-    split: int
-    children: tuple[PatternNode, ...]
-    dual: Reals
-    infeasible: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +109,7 @@ class Patterns:
         return Patterns(matrix, (low, high), columns, size, pairs, leak == 1.0)
 
     def decided(self, fixed: NDArray[np.int8]) -> tuple[Reals, Reals]:
-        """Bounds of the columns where pairs are fixed: 1 for a- = 0, -1 for a+ = 0."""
+        """Bound columns where pairs are fixed: 1 if a- = 0, -1 if a+ is."""
         high = self.columns[1].copy()
         high[self.weights : self.weights + self.pairs][fixed == -1] = 0.0
         high[self.weights + self.pairs :][fixed == 1] = 0.0
@@ -141,14 +121,14 @@ class Patterns:
         return self.weights - 1, 1.0
 
     def floor(self, goal: Goal) -> float:
-        """Lower bound of a goal that its column's range gives."""
+        """Bound a goal from below by its column's range."""
         entry, side = goal
         return float(self.columns[0][entry] if side > 0 else -self.columns[1][entry])
 
     def prove(
         self, dual: Reals, fixed: NDArray[np.int8], infeasible: bool, goal: Goal | None = None
     ) -> float:
-        """Lower bound of a goal over a node; infinite where the multipliers prove it empty."""
+        """Bound a goal over a node from below; infinite where it is proved empty."""
         entry, side = goal = goal or self.level
         if dual.shape != self.rows[0].shape or not np.all(np.isfinite(dual)):
             return self.floor(goal)
@@ -191,9 +171,9 @@ def _ordering(signs: Reals, d: int, width: int) -> sps.csr_array:
 
 
 def prove_tree(
-    program: Patterns, node: PatternNode, fixed: NDArray[np.int8], goal: Goal | None = None
+    program: Patterns, node: DualNode, fixed: NDArray[np.int8], goal: Goal | None = None
 ) -> float:
-    """Lower bound of a goal (D where left out) that the leaves of a tree prove together."""
+    """Bound a goal (D where left out) from below by the leaves of a tree."""
     if node.split < 0:
         return program.prove(node.dual, fixed, node.infeasible, goal)
     if len(node.children) != 2 or node.split >= program.pairs:
@@ -206,18 +186,16 @@ def prove_tree(
     return found
 
 
-class PatternSearch:
+class PatternSearch(BestFirst[NDArray[np.int8]]):
     """Best-first branch and bound over the patterns of one program."""
 
     def __init__(self, program: Patterns, goal: Goal | None = None, until: float = np.inf) -> None:
+        super().__init__()
         self.program, self.until = program, until  # a reading of time.monotonic
         self.goal = goal or program.level
         self.model = LinearModel(program.matrix, program.rows, program.columns)
         self.cost = np.zeros(program.matrix.shape[1])
         self.cost[self.goal[0]] = self.goal[1]
-        self.known: list[tuple[NDArray[np.int8], Reals, bool, int, Reals | None]] = []
-        self.children: dict[int, tuple[int, int, int]] = {}
-        self.queue: list[tuple[float, int]] = []
 
     def add(self, fixed: NDArray[np.int8]) -> None:
         """Bound a node and keep the weights that its program proposes."""
@@ -234,10 +212,15 @@ class PatternSearch:
             minus = x[program.weights + program.pairs :]
             gap = np.where(fixed == 0, np.minimum(plus, minus), -1.0)
             split = int(np.argmax(gap)) if np.max(gap) > _ROOM else -1
-        number = len(self.known)
         point = None if x is None else x[: program.weights].copy()
-        self.known.append((fixed, found.dual, infeasible, split, point))
-        heapq.heappush(self.queue, (value, number))
+        self.file(value, fixed, found.dual, infeasible, split, point)
+
+    def parts(self, part: NDArray[np.int8], split: int) -> Iterator[NDArray[np.int8]]:
+        """Decide a pair: a- = 0, then a+ = 0."""
+        for choice in (1, -1):
+            below = part.copy()
+            below[split] = choice
+            yield below
 
     def propose(self, fixed: NDArray[np.int8], room: float = 0.0) -> Reals | None:
         """Solve the program of one pattern, without keeping it, D a fraction below the cap."""
@@ -250,29 +233,3 @@ class PatternSearch:
     def _left(self) -> float | None:
         """Seconds that one program may take."""
         return None if self.until == np.inf else max(self.until - time.monotonic(), _LEAST)
-
-    def run(self, cutoff: float, until: float, most: int) -> float:
-        """Bisect until the bound reaches the cutoff or limits are met; returns the bound.
-
-        The weakest node without a pair to decide ends the search: its program is exact.
-        """
-        while len(self.known) < most and time.monotonic() < until:
-            value, number = self.queue[0]
-            fixed, _, _, split, _ = self.known[number]
-            if value >= cutoff or split < 0:
-                break
-            heapq.heappop(self.queue)
-            self.children[number] = (split, len(self.known), len(self.known) + 1)
-            for choice in (1, -1):
-                below = fixed.copy()
-                below[split] = choice
-                self.add(below)
-        return self.queue[0][0]
-
-    def tree(self, number: int = 0) -> PatternNode:
-        """The nodes with their multipliers."""
-        if number in self.children:
-            split, one, other = self.children[number]
-            return PatternNode(split, (self.tree(one), self.tree(other)), np.zeros(0))
-        _, dual, infeasible, _, _ = self.known[number]
-        return PatternNode(-1, (), dual, infeasible)

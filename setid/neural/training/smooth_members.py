@@ -42,7 +42,7 @@ class MemberSearch:
         return time.monotonic() > self.until
 
     def residual(self, x: Reals) -> tuple[Reals, Reals]:
-        """Errors (T,) and the derivatives (T, p) of the outputs."""
+        """Compute errors (T,) and the derivatives (T, p) of the outputs."""
         program = self.program
         w = x[: self.hidden].reshape(program.width, -1)
         v = x[self.hidden : -1]
@@ -54,11 +54,11 @@ class MemberSearch:
         return program.y - z @ v - x[-1], np.hstack([*parts, z, ones])
 
     def error(self, x: Reals) -> float:
-        """The largest error."""
+        """Compute the largest error."""
         return float(np.max(np.abs(self.residual(x)[0])))
 
     def step(self, x: Reals, reach: float, cost: Reals, room: float) -> Reals | None:
-        """The best step within a reach, errors being linear; the last entry of cost is of D."""
+        """Find the best step within a reach, errors linear; cost's last entry is of D."""
         if self.late:
             return None
         rest, slopes = self.residual(x)
@@ -73,7 +73,7 @@ class MemberSearch:
         return np.clip(x + found.x[:-1], self.low, self.high) if found.status == "solved" else None
 
     def least(self, x: Reals, enough: float = 0.0, reach: float = 0.5) -> tuple[Reals, float]:
-        """Weights near x of least error, or of an error that is small enough."""
+        """Search weights near x of least error, or of an error small enough."""
         x = np.clip(x, self.low, self.high)
         value = self.error(x)
         cost = np.append(np.zeros(x.size), 1.0)
@@ -89,7 +89,7 @@ class MemberSearch:
         return x, value
 
     def extreme(self, x: Reals, entry: int, side: float) -> Reals:
-        """Weights that explain the record, from x on, with side x_entry as small as may be."""
+        """Search weights that explain the record, from x on, with side x_entry least."""
         reach, spare = 0.5, 0.0
         cost = np.zeros(x.size + 1)
         cost[entry] = side

@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
 from setid.data.checks import FrozenMapping, frozen
 from setid.neural.arithmetic import Interval, LinearModel, down, up
+from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.weight_boxes import WeightProgram
 
@@ -119,11 +120,7 @@ class SmoothHiddenWeights:
         if not all(task.member(x) for x in self.members):
             return Verification(False, "a member does not explain the record")
         wanted, status = _intervals(task, low, high, self.members)
-        same = status is self.status and wanted.keys() == self.intervals.keys()
-        same = same and all(
-            (a.outer, a.inner, a.status) == (b.outer, b.inner, b.status)
-            for a, b in zip(wanted.values(), self.intervals.values(), strict=True)
-        )
+        same = status is self.status and same_intervals(self.intervals, wanted)
         return agreed(
             (same, "the intervals are not those that the steps and members prove"),
             (eps <= self.eps, "the activation is not proved to be within eps of its lines"),
@@ -213,7 +210,7 @@ class _Task:
         return bool(np.all(box.hi[first[:-1]] >= box.lo[first[1:]]))
 
     def cost(self, box: Interval, entry: int, side: float, at: float) -> Reals:
-        """Coefficients of side v (w_entry - at), above 0 where w_entry is beyond ``at``.
+        """Write the cost side v (w_entry - at), above 0 where w_entry is beyond ``at``.
 
         That of v >= 0 is rounded down.
         """
@@ -225,14 +222,14 @@ class _Task:
         return found
 
     def outer_costs(self) -> Reals:
-        """Coefficients of v_1, -v_1, ..., c, -c."""
+        """Write the costs of v_1, -v_1, ..., c, -c."""
         rows = np.zeros((2 * (self.size - self.hidden), self.size + 1))
         for number, column in enumerate(range(self.hidden, self.size)):
             rows[2 * number, column], rows[2 * number + 1, column] = 1.0, -1.0
         return rows
 
     def after(self, step: WeightStep, box: Interval) -> Interval | None:
-        """The part of a box that cuts leave, those left out that are not proved."""
+        """Take the part of a box that cuts leave, unproved cuts left out."""
         cuts = [c for c in step.cuts if c[0] in range(self.hidden) and abs(c[1]) == 1.0]
         if len(cuts) != len(step.dual):
             return box
@@ -248,7 +245,7 @@ class _Task:
         return Interval(low, high) if np.all(low <= high) else None
 
     def remaining(self, steps: tuple[WeightStep, ...]) -> list[tuple[Interval, Reals]]:
-        """Boxes that the steps leave, with their multipliers for v and c."""
+        """List boxes that the steps leave, with their multipliers for v and c."""
         boxes, left = {0: self.program.root()}, list[tuple[Interval, Reals]]()
         for number, step in enumerate(steps):
             box = boxes.pop(number, None)
@@ -264,7 +261,7 @@ class _Task:
         return left + [(box, np.zeros((0, 0))) for box in boxes.values()]
 
     def parts(self, step: WeightStep, box: Interval) -> list[Interval | None] | None:
-        """The boxes that a step hands on; None where the box remains."""
+        """List boxes that a step hands on; None where the box remains."""
         if len(step.children) == 2:
             if step.entry not in range(self.hidden) or not np.isfinite(step.at):
                 return None
@@ -276,7 +273,7 @@ class _Task:
         return [] if self.program.prove(box, step.dual[0], True) == np.inf else None
 
     def drawn(self, steps: tuple[WeightStep, ...]) -> tuple[Reals, Reals, float]:
-        """Ends of all weights in the order of the columns, and eps; reversed where empty."""
+        """Compute ends of all weights, in column order, and eps; reversed where empty."""
         low, high, eps = np.full(self.size, np.inf), np.full(self.size, -np.inf), 0.0
         costs = self.outer_costs()
         for box, duals in self.remaining(steps):
@@ -290,7 +287,7 @@ class _Task:
         return low, high, eps
 
     def network(self, x: Reals) -> Network:
-        """The network of weights in the order of the columns."""
+        """Build the network of weights in the order of the columns."""
         k, inner = self.program.width, self.net.network
         w = x[: self.hidden].reshape(k, -1)
         v = x[self.hidden : -1]
@@ -306,14 +303,6 @@ class _Task:
         v = x[self.hidden : -1]
         inside = np.all(np.abs(x[:-1]) <= self.program.weights) and np.all(v >= 0.0)
         return reached <= self.bound and bool(inside) and self.ordered(point)
-
-
-def halves(box: Interval, entry: int, at: float) -> tuple[Interval, Interval]:
-    """The parts of a box on both sides of a value, which is moved into the box."""
-    at = min(max(at, float(box.lo[entry])), float(box.hi[entry]))
-    low, high = box.lo.copy(), box.hi.copy()
-    low[entry], high[entry] = at, at
-    return Interval(box.lo, high), Interval(low, box.hi)
 
 
 class _Search:
@@ -432,14 +421,14 @@ class _Search:
         self.bisect(number, box)
 
     def model(self, box: Interval, room: float = 1.0) -> LinearModel:
-        """The linear program of a box, the bound of the error times ``room``."""
+        """Build the linear program of a box, the error's bound times ``room``."""
         matrix, low, high = self.program.rows(box)
         least, most = self.program.columns(box)
         most[-1] *= room
         return LinearModel(sps.csr_array(matrix.middle()), (low, high), (least, most))
 
     def empty(self, box: Interval, ray: Reals, cost: Reals) -> Reals | None:
-        """Multipliers that prove a box empty: a ray, or those of an error above the bound."""
+        """Search multipliers that prove a box empty: a ray, or of an error too large."""
         if self.program.prove(box, ray, True) > 0:
             return ray
         found = self.model(box, np.inf).solve(cost)
@@ -484,7 +473,7 @@ class _Search:
     def least_ratio(
         self, model: LinearModel, start: Reals, entry: int, side: float, box: Interval
     ) -> float:
-        """The least value of side w_entry over a box, by Dinkelbach's iteration."""
+        """Minimise side w_entry over a box, by Dinkelbach's iteration."""
         middle, radius = self.program.scale(box)
         v = self.task.hidden + entry // (self.program.phi.shape[1] + 1)
         edge = float(box.lo[entry] if side > 0 else box.hi[entry])
@@ -529,7 +518,7 @@ class _Search:
             self.offer(np.where(np.arange(x.size) >= task.hidden, np.abs(x), x))
 
     def point(self, x: Reals, box: Interval) -> Reals:
-        """All weights of a solution, hidden ones within their box."""
+        """Read all weights of a solution, hidden ones within their box."""
         return np.concatenate([self.program.hidden(box, x), x[self.task.hidden : -1]])
 
     def offer(self, x: Reals) -> None:
@@ -578,7 +567,7 @@ class _Search:
                     self.members[entry, side] = x
 
     def ends(self, box: Interval) -> Reals:
-        """Multipliers for the ends of output weights and bias over a box.
+        """Find multipliers for the ends of output weights and bias over a box.
 
         A box that is empty but for rounding has them for a larger error.
         """
@@ -608,7 +597,7 @@ def _intervals(
 
 
 def interval_of(name: str, outer: tuple[float, float], values: Reals) -> ParameterInterval:
-    """Interval with proved ends and those that members attain."""
+    """Make the interval of proved ends and those that members attain."""
     if not values.size:
         return ParameterInterval(name, outer, None, IntervalStatus.PARTIAL)
     inner = float(values.min()), float(values.max())

@@ -22,6 +22,7 @@ import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import activate, require_ieee, up
+from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
@@ -32,7 +33,7 @@ from setid.neural.training.engine import (
     search_by_engine,
     training_problem,
 )
-from setid.neural.training.patterns import PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.training.patterns import Patterns, PatternSearch, prove_tree
 from setid.neural.training.weight_boxes import (
     WeightProgram,
     WeightSearch,
@@ -69,7 +70,7 @@ class ProvedTraining:
         the largest reading.
     tolerance : float
     nodes : int
-    trees : mapping of tuple of float to PatternNode, WeightNode or Certificate
+    trees : mapping of tuple of float to DualNode or Certificate
         The proof, for each choice of output signs where there are several.
     cap : float
         Error above which nothing was followed: that of the best constant, or for the engine the
@@ -220,7 +221,7 @@ def _by_patterns(
     width = network.weights[0].shape[0]
     cap = _cap(y)
     best = _Best(network, phi, y, weights)
-    trees: dict[tuple[float, ...], PatternNode] = {}
+    trees: dict[tuple[float, ...], DualNode] = {}
     lower, count = np.inf, 0
     choices = _signs(width, network.activation[0] == "identity")
     for index, signs in enumerate(choices):
@@ -367,7 +368,7 @@ class _Best:
             self.take(search.propose(pattern), signs)
 
     def network(self) -> Network:
-        """The network, with as many neurons as were given."""
+        """Build the network, with as many neurons as were given."""
         w, b, signs, c = self.parts
         width = self.given.weights[0].shape[0]
         full = np.zeros((width, self.phi.shape[1])), np.zeros(width), np.ones(width)

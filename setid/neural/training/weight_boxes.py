@@ -15,8 +15,6 @@ whose bound is proved as in :mod:`setid.neural.training.patterns`, with coeffici
 
 from __future__ import annotations
 
-import heapq
-import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,32 +32,12 @@ from setid.neural.arithmetic import (
     row_sums,
     up,
 )
+from setid.neural.branching import BestFirst, DualNode, halves
 from setid.neural.models.network import Network
 
-__all__ = ["WeightNode", "WeightProgram", "WeightSearch", "fitted", "prove_boxes", "reaches"]
+__all__ = ["WeightProgram", "WeightSearch", "fitted", "prove_boxes", "reaches"]
 
 Reals = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WeightNode:
-    """A box of hidden weights: bisected along one entry, or bounded by multipliers.
-
-    Parameters
-    ----------
-    split : int
-        Entry that is bisected; -1 at a leaf.
-    children : tuple of WeightNode
-        The lower and the upper half.
-    dual : (rows,) float
-    infeasible : bool
-        Whether ``dual`` proves that no network of the box stays below the cap.
-    """
-
-    split: int
-    children: tuple[WeightNode, ...]
-    dual: Reals
-    infeasible: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,18 +68,18 @@ class WeightProgram:
     last: list[Any] = field(default_factory=list, repr=False)
 
     def root(self) -> Interval:
-        """Box of all hidden weights and biases, neuron by neuron, (k (d + 1),)."""
+        """Make the box (k (d + 1),) of hidden weights and biases, neuron by neuron."""
         high = np.full(self.width * (self.phi.shape[1] + 1), self.weights)
         return Interval(-high, high)
 
     @staticmethod
     def scale(box: Interval) -> tuple[Reals, Reals]:
-        """Middle and radius of a box, (k (d + 1),) each; the radius is rounded up."""
+        """Compute middle and radius (k (d + 1),) of a box, the radius rounded up."""
         middle = box.middle()
         return middle, np.asarray(up(np.maximum(up(box.hi - middle), up(middle - box.lo))))
 
     def hidden(self, box: Interval, x: Reals) -> Reals:
-        """Hidden weights of a solution, the middle of the box where output weights are zero."""
+        """Read hidden weights of a solution, the box's middle where output weights are zero."""
         middle, radius = self.scale(box)
         v = np.repeat(x[box.lo.size : box.lo.size + self.width], self.phi.shape[1] + 1)
         with np.errstate(all="ignore"):
@@ -109,11 +87,11 @@ class WeightProgram:
         return np.clip(found, box.lo, box.hi)
 
     def rows(self, box: Interval) -> tuple[Interval, Reals, Reals]:
-        """Coefficients of the rows and their ends; columns s_j ..., v, c, D."""
+        """Compute coefficients of the rows and their ends; columns s_j ..., v, c, D."""
         return self._stated(box)[:3]
 
     def distance(self, box: Interval) -> float:
-        """Proved distance of the activation from the lines that stand for it over a box."""
+        """Bound the distance of the activation from its lines over a box, with proof."""
         return self._stated(box)[3]
 
     def _stated(self, box: Interval) -> tuple[Interval, Reals, Reals, float]:
@@ -161,7 +139,7 @@ class WeightProgram:
         return matrix, low, high, far
 
     def columns(self, box: Interval) -> tuple[Reals, Reals]:
-        """Ranges of the columns."""
+        """Compute the ranges of the columns."""
         most = np.full(box.lo.size, self.weights)
         ends = np.full(self.width, self.weights)
         return (
@@ -170,7 +148,7 @@ class WeightProgram:
         )
 
     def prove(self, box: Interval, dual: Reals, infeasible: bool) -> float:
-        """Lower bound of D over a box; infinite where the multipliers prove it empty."""
+        """Bound D over a box from below; infinite where it is proved empty."""
         cost = np.zeros(self.columns(box)[0].size)
         cost[-1] = 0.0 if infeasible else 1.0
         value = float(self.bounded(box, dual[None], cost[None])[0])
@@ -179,7 +157,7 @@ class WeightProgram:
         return max(value, 0.0)
 
     def bounded(self, box: Interval, duals: Reals, costs: Reals) -> Reals:
-        """Lower bounds (K,) of functions (K, n) of the columns that multipliers prove."""
+        """Bound functions (K, n) of the columns from below (K,) by multipliers."""
         matrix, low, high = self.rows(box)
         found = np.full(len(costs), -np.inf)
         if duals.shape != (len(costs), low.size) or not np.all(np.isfinite(duals)):
@@ -199,32 +177,23 @@ class WeightProgram:
             found[number] = down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(slack)))
         return found
 
-    def halves(self, box: Interval, entry: int) -> tuple[Interval, Interval]:
-        """The two halves of a box."""
-        middle = 0.5 * box.lo[entry] + 0.5 * box.hi[entry]
-        low, high = box.lo.copy(), box.hi.copy()
-        low[entry], high[entry] = middle, middle
-        return Interval(box.lo, high), Interval(low, box.hi)
 
-
-def prove_boxes(program: WeightProgram, node: WeightNode, box: Interval) -> float:
-    """Lower bound of D that the leaves of a tree prove together."""
+def prove_boxes(program: WeightProgram, node: DualNode, box: Interval) -> float:
+    """Bound D from below by what the leaves of a tree prove together."""
     if node.split < 0:
         return program.prove(box, node.dual, node.infeasible)
     if len(node.children) != 2 or node.split >= box.lo.size:
         return 0.0
-    parts = zip(node.children, program.halves(box, node.split), strict=True)
+    parts = zip(node.children, halves(box, node.split), strict=True)
     return min(prove_boxes(program, child, half) for child, half in parts)
 
 
-class WeightSearch:
+class WeightSearch(BestFirst[Interval]):
     """Best-first branch and bound over boxes of hidden weights."""
 
     def __init__(self, program: WeightProgram) -> None:
+        super().__init__()
         self.program = program
-        self.known: list[tuple[Interval, Reals, bool, int, Reals | None]] = []
-        self.children: dict[int, tuple[int, int, int]] = {}
-        self.queue: list[tuple[float, int]] = []
         self.add(program.root())
 
     def add(self, box: Interval) -> None:
@@ -240,40 +209,22 @@ class WeightSearch:
         reach = np.append(np.abs(program.phi).max(axis=0), 1.0)
         entry = int(np.argmax(box.width() * np.tile(reach, program.width)))
         point = program.hidden(box, found.x) if found.status == "solved" else None
-        self.known.append((box, found.dual, infeasible, entry, point))
-        heapq.heappush(self.queue, (value, len(self.known) - 1))
+        self.file(value, box, found.dual, infeasible, entry, point)
 
-    def run(self, cutoff: float, until: float, most: int) -> float:
-        """Bisect until the bound reaches the cutoff or limits are met; returns the bound."""
-        while len(self.known) < most and time.monotonic() < until:
-            value, number = self.queue[0]
-            if value >= cutoff:
-                break
-            heapq.heappop(self.queue)
-            box, entry = self.known[number][0], self.known[number][3]
-            self.children[number] = (entry, len(self.known), len(self.known) + 1)
-            for half in self.program.halves(box, entry):
-                self.add(half)
-        return self.queue[0][0]
-
-    def tree(self, number: int = 0) -> WeightNode:
-        """The nodes with their multipliers."""
-        if number in self.children:
-            entry, one, other = self.children[number]
-            return WeightNode(entry, (self.tree(one), self.tree(other)), np.zeros(0))
-        _, dual, infeasible, _, _ = self.known[number]
-        return WeightNode(-1, (), dual, infeasible)
+    def parts(self, part: Interval, split: int) -> tuple[Interval, Interval]:
+        """Bisect a box along an entry."""
+        return halves(part, split)
 
 
 def reaches(weights: float, y: Reals) -> float:
-    """Largest output bias that is of use with one neuron."""
+    """Bound the output bias that is of use with one neuron."""
     return float(up(weights + np.max(np.abs(y))))
 
 
 def fitted(
     network: Network, phi: Reals, y: Reals, weights: float, point: Reals | None
 ) -> tuple[Network | None, float]:
-    """The best last layer of given hidden weights, by a linear program, and its error."""
+    """Fit the last layer to hidden weights by a linear program; return its error too."""
     if point is None:
         return None, np.inf
     width, d = network.weights[0].shape

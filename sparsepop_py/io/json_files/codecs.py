@@ -262,7 +262,7 @@ def checked(codec: Codec, check: Callable[[Any, str], None]) -> Codec:
 
 
 def optional(codec: Codec) -> Codec:
-    """Null for None."""
+    """Make a codec that writes None as null."""
     return Codec(
         lambda value: None if value is None else codec.write(value),
         lambda found, place: None if found is None else codec.read(found, place),

@@ -133,6 +133,17 @@ def test_empty_sets_are_proved_empty() -> None:
     assert neural.last_layer(net, data, setid.Noise(equation=1.001)).status == "proved"
 
 
+def test_intervals_that_are_left_out_or_changed_are_noticed() -> None:
+    net, data = ramp()
+    found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    assert found.verify()
+    fewer = {name: found.intervals[name] for name in list(found.intervals)[1:]}
+    assert not replace(found, intervals=fewer).verify()
+    for change in ({"outer": (0.0, 1.0)}, {"inner": None}, {"status": "open"}):
+        other = {name: replace(item, **change) for name, item in found.intervals.items()}
+        assert not replace(found, intervals=other).verify()
+
+
 def test_unbounded_sets_prove_nothing() -> None:
     net, _ = ramp()
     found = neural.last_layer(net, setid.IOData([0, 1], [0, 2]), setid.Noise(equation=0.5))

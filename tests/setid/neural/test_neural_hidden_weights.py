@@ -11,8 +11,8 @@ from scipy.optimize import linprog
 
 import setid
 from setid import neural
+from setid.neural.branching import DualNode
 from setid.neural.training import hidden_weights
-from setid.neural.training.patterns import PatternNode
 
 
 def planted(rows: int, seed: int, slopes: list[list[float]], signs: list[float], leak: float,
@@ -102,7 +102,7 @@ def test_forged_intervals_are_found() -> None:
         assert not item.verify(), number
 
 
-def scaled(node: PatternNode, share: float) -> PatternNode:
+def scaled(node: DualNode, share: float) -> DualNode:
     children = tuple(scaled(child, share) for child in node.children)
     return replace(node, dual=node.dual * share, children=children)
 

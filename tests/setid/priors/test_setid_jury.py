@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from prior_cases import reflections_to_coefficients
 
 import setid
 import sparsepop_py as sp
 from setid.formulation.units import InUnits, in_units
 from setid.priors.jury import is_stable, jury_values
-from setid.priors.stability import reflections_to_coefficients
 from setid.proofs.evidence import EndProof
 from setid.proofs.existence import proved_point
 from setid.proofs.verification import _is_admitted

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from prior_cases import admits
+from prior_cases import admits, reflections_to_coefficients
 
 import setid
 import sparsepop_py as sp
-from setid.priors.stability import reflections_to_coefficients, step_down
+from setid.priors.stability import step_down
 
 NOISE = setid.Noise(output=1e3)
 

@@ -52,14 +52,14 @@ class Cone:
         return sum(s.size * s.count for s in self.stacks) + self.linear
 
     def identity(self) -> Reals:
-        """Unit matrices and ones."""
+        """Build unit matrices and ones."""
         result = np.ones(self.entries + self.linear)
         for stack in self.stacks:
             result[stack.span] = stack.entries(np.broadcast_to(np.eye(stack.size), stack.shape))
         return result
 
     def inverse_factor(self, x: Reals) -> Reals:
-        """L^-1 of each matrix L L', and 1 / sqrt(x) of linear rows.
+        """Compute L^-1 of each matrix L L', and 1 / sqrt(x) of linear rows.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Cone:
         return result
 
     def inverse(self, factor: Reals) -> Reals:
-        """L^-T L^-1."""
+        """Compute L^-T L^-1."""
         result = np.empty_like(factor)
         self._inverses(factor, result)
         result[self.entries :] = factor[self.entries :] ** 2

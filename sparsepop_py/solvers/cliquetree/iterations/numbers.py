@@ -109,16 +109,16 @@ class Numbers:
         )
 
     def factor(self) -> Factor | FrontFactor:
-        """Memory for a factorization."""
+        """Allocate memory for a factorization."""
         tree = self.symbolic.tree
         return FrontFactor(tree, self.workers) if isinstance(tree, Fronts) else Factor(tree)
 
     def rows(self, y: Reals) -> Reals:
-        """E y."""
+        """Compute E y."""
         return self.E @ y if self.e.size else self.e
 
     def rows_turned(self, w: Reals) -> Reals:
-        """E'w."""
+        """Compute E'w."""
         return self.Et @ w if self.e.size else np.zeros_like(self.q)
 
     def fixed_entries(self, weight: float) -> tuple[NDArray[np.int64], Reals]:

@@ -115,7 +115,7 @@ def symmetric(matrices: Reals) -> Reals:
 
 
 def cholesky(matrices: Reals, deadline: float | None = None) -> Reals:
-    """Lower Cholesky factors; only lower triangles are read.
+    """Compute lower Cholesky factors; only lower triangles are read.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def _factorize(matrix: Reals, deadline: float | None) -> None:
 
 
 def lower_inverse(factors: Reals, result: Reals, deadline: float | None = None) -> None:
-    """Inverses of lower triangular matrices (K, s, s) into ``result``, upper parts zero.
+    """Invert lower triangular matrices (K, s, s) into ``result``, upper parts zero.
 
     Raises
     ------

@@ -36,13 +36,13 @@ _LETTERS = np.frombuffer(b"UN", np.uint8)
 
 @inline
 def width_of(size):
-    """Size rounded up to whole vectors, and at least two rows."""
+    """Round a size up to whole vectors, and at least two rows."""
     return (size + LANES - 1) // LANES * LANES
 
 
 @inline
 def room_of(size):
-    """Doubles of the largest of so many blocks, padded."""
+    """Count the doubles of the largest of so many blocks, padded."""
     width = width_of(size.max()) if size.size else LANES
     return width * width
 
@@ -182,7 +182,7 @@ def inverse_factors(x, start, size, low, high, result):
 
 @jit
 def inverses(factor, start, size, low, high, result):
-    """F' F of the lower triangular blocks F from low to high - 1."""
+    """Compute F' F of the lower triangular blocks F from low to high - 1."""
     room = room_of(size[low:high])
     work = np.zeros(2 * room)
     f_at = work.ctypes.data

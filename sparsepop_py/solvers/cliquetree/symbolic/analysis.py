@@ -80,7 +80,7 @@ def pattern_key(program: ConicProgram) -> bytes:
 
 
 def numpy_seconds(program: ConicProgram) -> float:
-    """Rough seconds of a solve without compiled kernels: calls, entries, assembly of blocks."""
+    """Estimate seconds of a solve without compiled kernels: calls, entries, assembly of blocks."""
     sizes = np.array(program.cones.psd, float)
     entries, products = float((sizes**2).sum()), float((sizes**4).sum())
     return _ITERATIONS * (2e-3 + 4e-7 * (entries + program.A.nnz) + 2.5e-9 * products)

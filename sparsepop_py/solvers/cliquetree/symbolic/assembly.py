@@ -315,7 +315,7 @@ def _places(
 def stacked(
     layout: Layout, first: Indices, spot: Indices, local: Indices, tree: Tree
 ) -> Iterator[Assembly]:
-    """Blocks of similar numbers of moments, in chunks that fit into the cache."""
+    """Stack blocks of similar numbers of moments, in chunks that fit into the cache."""
     for stack in layout.stacks:
         which = layout.head + stack.blocks
         width = int((first[which + 1] - first[which]).max())
@@ -376,7 +376,7 @@ def row_pairs(
     local: Indices,
     tree: Tree | Fronts,
 ) -> tuple[RowPairs, RowPairs]:
-    """Pairs of nonzeros of every zero row and of every linear row."""
+    """List pairs of nonzeros of every zero row and of every linear row."""
     head = cones.zero + cones.nonnegative
     order = np.argsort(row, kind="stable")
     begin = np.searchsorted(row[order], np.arange(head + 1))

@@ -85,7 +85,7 @@ def maximal(cliques: list[Columns], columns: int) -> list[Columns]:
 
 
 def eliminate(cliques: list[Columns], columns: int, slack: float) -> list[Front]:
-    """Fronts in an order in which every front comes after those that update it.
+    """Build fronts in an order in which each comes after those that update it.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class _Quotient:
         }
 
     def run(self, slack: float) -> list[tuple[list[int], list[int]]]:
-        """Pivots and what they reach, in order of elimination."""
+        """Eliminate all pivots; return them in order, with what they reach."""
         order: list[tuple[list[int], list[int]]] = []
         heap = sorted((d, v) for v, d in self.degree.items())
         while heap:
@@ -313,7 +313,7 @@ def parents(fronts: list[Front], columns: int) -> tuple[Columns, Columns]:
 
 
 def front_seconds(pivots: int, updates: int) -> float:
-    """Rough seconds that a front costs: arithmetic, memory, extend-add and its own overhead."""
+    """Estimate seconds that a front costs: arithmetic, memory, extend-add and its own overhead."""
     e, u = pivots, updates
     work = e * e * (e + u) + 2 * e * u * u
     return work / _RATE + _TOUCH * (e + u) ** 2 + _ADD * u * u + _FRONT

@@ -108,7 +108,7 @@ class Fronts:
         return self.rank[member]
 
     def pairs(self, spot: Indices, inside: NDArray[np.bool_]) -> Indices:
-        """Entries (K, C, C) of pairs of columns given by ascending ranks (K, C).
+        """Find entries (K, C, C) of pairs of columns given by ascending ranks (K, C).
 
         Each pair has one entry, in the upper triangle; the others are the one that belongs
         nowhere.

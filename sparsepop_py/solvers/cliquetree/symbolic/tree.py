@@ -109,7 +109,7 @@ class Tree:
         return int((e**3 // 3 + e * e * u + e * u * u).sum())
 
     def locate(self, owner: Indices, member: Indices, first: Indices) -> Indices:
-        """Front and slot of each member of each clique, as front * columns + slot."""
+        """Find front and slot of each clique's members, as front * columns + slot."""
         at = np.append(self.front[member], self.sizes.shape[0])
         count = first.size - 1
         nonempty = first[:-1] < first[1:]
@@ -120,7 +120,7 @@ class Tree:
         return own * 2**32 + self.slot[found]
 
     def pairs(self, spot: Indices, inside: NDArray[np.bool_]) -> Indices:
-        """Entries (K, C, C) of all pairs of places (K, C) as ``locate`` gives them."""
+        """Find the entries (K, C, C) of all pairs of places (K, C) from ``locate``."""
         front, slot = np.divmod(spot, 2**32)
         base, width = self.base[front[:, 0]], self.width[front[:, 0]]
         place = base[:, None, None] + slot[:, :, None] * width[:, None, None] + slot[:, None, :]
