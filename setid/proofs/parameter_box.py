@@ -38,19 +38,19 @@ def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
 
 
 def start_of(formulation: Formulation) -> NDArray[np.float64]:
-    """The bounds of the parameters that priors give, (2, p)."""
+    """Collect the bounds of the parameters that priors give, (2, p)."""
     p, problem = len(formulation.parameters), formulation.problem
     return np.array([problem.lower[:p], problem.upper[:p]])
 
 
 def objectives(formulation: Formulation) -> list[sp.Polynomial]:
-    """The polynomials theta_1, -theta_1, theta_2, ... in all unknowns."""
+    """List the polynomials theta_1, -theta_1, theta_2, ... in all unknowns."""
     theta = formulation.layout.group("theta").tolist()
     return [sign * formulation.layout.polynomial(i) for i in theta for sign in (1.0, -1.0)]
 
 
 def problem_on_box(formulation: Formulation, box: ProvedBox | None) -> sp.Problem:
-    """The problem of a formulation with the parameters in a box.
+    """State the problem of a formulation with the parameters in a box.
 
     A parameter that no constraint speaks of, and that has no finite bounds, is set to
     zero: that changes nothing for the others.

@@ -44,7 +44,7 @@ def predicted_ranges(
     size = np.abs(rows.target) + np.abs(readings) + width
 
     def shifted(values: Reals, side: float) -> Reals:
-        """Outwards, by more than is rounded here."""
+        """Shift outwards, by more than is rounded here."""
         return np.asarray(values - known + side * 4.0 * _EPS * (np.abs(values) + size), np.float64)
 
     low, high = ranges[:, 0], ranges[:, 1]

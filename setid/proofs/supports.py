@@ -123,7 +123,7 @@ class Multipliers(Protocol):
     """Whatever proposes multipliers of the rows of a cover; nothing is asked of their quality."""
 
     def multipliers(self, directions: Reals) -> Iterable[Proposal]:
-        """Multipliers for the largest values of directions (K, p) times theta."""
+        """Propose multipliers for the largest values of directions (K, p) times theta."""
         ...
 
 
@@ -218,7 +218,7 @@ def supports(
 
 
 def box_ranges(cover: Cover, directions: Reals) -> Reals:
-    """Ranges over the box alone, rounded outwards, shape (K, 2)."""
+    """Bound over the box alone, rounded outwards, shape (K, 2)."""
     with np.errstate(invalid="ignore", over="ignore"):
         ends = np.stack([directions * cover.lower, directions * cover.upper])
         ends = np.where(directions == 0.0, 0.0, ends)

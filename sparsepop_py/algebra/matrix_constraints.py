@@ -265,11 +265,11 @@ class Matrices:
     def entry(
         self, constraint: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
     ) -> NDArray[np.int64]:
-        """Row of ``system`` in row i and column j of the matrix of each constraint."""
+        """Number the row of ``system`` in row i and column j of the matrix of each constraint."""
         return self.table[self.first[constraint] + i * self.side[constraint] + j]
 
     def layout(self, constraint: int) -> NDArray[np.int64]:
-        """Rows of ``system`` as they stand in one matrix, (side, side)."""
+        """Arrange rows of ``system`` as they stand in one matrix, (side, side)."""
         side, first = int(self.side[constraint]), int(self.first[constraint])
         return self.table[first : first + side**2].reshape(side, side)
 

@@ -57,7 +57,7 @@ def lookup(words: Words, table: Words, dimension: int) -> NDArray[np.int64]:
 
 
 def degrees(words: Words) -> NDArray[np.int64]:
-    """Degree of each word, shape (..., D) -> (...)."""
+    """Count the degree of each word, shape (..., D) -> (...)."""
     return np.count_nonzero(words, axis=-1)
 
 
@@ -78,7 +78,7 @@ def trim(words: Words) -> Words:
 
 
 def multiply(left: Words, right: Words) -> Words:
-    """Products row by row; leading dimensions broadcast, widths add."""
+    """Multiply row by row; leading dimensions broadcast, widths add."""
     shape = np.broadcast_shapes(left.shape[:-1], right.shape[:-1])
     product = np.concatenate(
         [
@@ -125,7 +125,7 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def collect(words: Words, dimension: int) -> tuple[Words, NDArray[np.int64]]:
-    """Distinct words in graded order, and for each input row its number among them."""
+    """List distinct words in graded order, and for each input row its number among them."""
     if words.shape[0] == 0:
         return words, np.zeros(0, np.int64)
     keys = pack(words, dimension)
@@ -148,7 +148,7 @@ def evaluate(words: Words, points: NDArray[Any]) -> NDArray[Any]:
 
 
 def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Factors of the words as (row, variable, power), variables counted from 0, rows ascending."""
+    """List factors of words as (row, variable, power), variables from 0, rows ascending."""
     letter = words != 0
     starts = letter.copy()
     starts[:, 1:] &= words[:, 1:] != words[:, :-1]
@@ -164,7 +164,7 @@ def are_exponents(values: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def from_exponents(exponents: sps.csr_array) -> Words:
-    """Words of the rows of a sparse exponent matrix of shape (T, n)."""
+    """Write the rows of a sparse exponent matrix of shape (T, n) as words."""
     exponents = sps.csr_array(exponents, copy=True)  # sorting in place must not reach the caller
     exponents.sort_indices()
     powers = exponents.data.astype(np.int64)
@@ -180,7 +180,7 @@ def from_exponents(exponents: sps.csr_array) -> Words:
 
 
 def to_exponents(words: Words, dimension: int) -> sps.csr_array:
-    """Sparse exponent matrix (T, n) of words."""
+    """Write words as a sparse exponent matrix (T, n)."""
     row, variable, power = runs(words)
     return sps.csr_array((power, (row, variable)), shape=(words.shape[0], dimension))
 

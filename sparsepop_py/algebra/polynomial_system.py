@@ -83,7 +83,7 @@ class PolynomialSystem:
         )
 
     def terms_of(self, rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
+        """List terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
         first = np.searchsorted(self.row, np.arange(self.size + 1))
         count = first[rows + 1] - first[rows]
         position = np.repeat(np.arange(len(rows)), count)
@@ -91,7 +91,7 @@ class PolynomialSystem:
         return position, first[rows][position] + within
 
     def values(self, x: NDArray[Any]) -> NDArray[np.float64]:
-        """Values at ``x`` of shape (n,), giving (m,)."""
+        """Evaluate at ``x`` of shape (n,), giving (m,)."""
         terms = self.coefficients * monomials.evaluate(self.words, x)
         return np.bincount(self.row, weights=terms, minlength=self.size).astype(float)
 
@@ -106,7 +106,7 @@ class PolynomialSystem:
         return self.row[term], variable, self.coefficients[term] * power, words
 
     def gradient(self, x: NDArray[Any]) -> NDArray[np.float64]:
-        """Gradient of the only row at ``x``, shape (n,)."""
+        """Evaluate the gradient of the only row at ``x``, shape (n,)."""
         _, variable, coefficient, words = self._gradient
         with np.errstate(over="ignore", invalid="ignore"):  # inf or NaN where doubles end
             values = coefficient * monomials.evaluate(words, x)
@@ -130,24 +130,24 @@ class PolynomialSystem:
         return rows.astype(np.int32), columns.astype(np.int32), entry
 
     def jacobian_places(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Rows and variables of the entries that :meth:`slopes` lists, ascending."""
+        """List rows and variables of the entries of :meth:`slopes`, ascending."""
         return self._places[:2]
 
     def slopes(self, x: NDArray[Any]) -> NDArray[np.float64]:
-        """Entries of the Jacobian at ``x`` that are not zero everywhere."""
+        """Evaluate the entries of the Jacobian at ``x`` that are not zero everywhere."""
         _, _, coefficient, words = self._gradient
         rows, _, entry = self._places
         values = coefficient * monomials.evaluate(words, x)
         return np.bincount(entry, weights=values, minlength=rows.size).astype(float)
 
     def dense_jacobian(self, x: NDArray[Any]) -> NDArray[np.float64]:
-        """Jacobian at ``x`` of shape (n,), dense (m, n)."""
+        """Evaluate the Jacobian at ``x`` of shape (n,), dense (m, n)."""
         matrix = np.zeros((self.size, self.dimension))
         matrix[self.jacobian_places()] = self.slopes(x)
         return matrix
 
     def jacobian(self, x: NDArray[Any]) -> sps.csr_array:
-        """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
+        """Evaluate the Jacobian at ``x`` of shape (n,), sparse (m, n)."""
         rows, columns = self.jacobian_places()
         first = np.searchsorted(rows, np.arange(self.size + 1)).astype(np.int32)
         return sps.csr_array((self.slopes(x), columns, first), shape=(self.size, self.dimension))

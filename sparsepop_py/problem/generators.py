@@ -70,7 +70,7 @@ def bound_family(rows: int, dimension: int) -> tuple[slice, slice, slice]:
 def bound_terms(
     lower: NDArray[np.float64], upper: NDArray[np.float64], rows: int
 ) -> tuple[Words, NDArray[np.float64], NDArray[np.int64]]:
-    """Words, coefficients and generator numbers of the bounds' polynomials.
+    """List words, coefficients and generator numbers of the bounds' polynomials.
 
     For bounds 0 and +-1, as scaled variables have them, every coefficient is exact.
     """
@@ -127,7 +127,7 @@ def single_letters(
 def product_terms(
     system: PolynomialSystem, products: NDArray[np.integer]
 ) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Terms of products of generators: word, product number, and the terms of both factors."""
+    """List terms of products of generators: word, product number, and the terms of both factors."""
     number, first = system.terms_of(products[:, 0])
     position, second = system.terms_of(products[number, 1])
     words = monomials.trim(monomials.multiply(system.words[first[position]], system.words[second]))
@@ -143,7 +143,7 @@ def useful_products(
     home: NDArray[np.int64],
     objectives: Sequence[Polynomial],
 ) -> NDArray[np.int64]:
-    """Pairs of generators whose products tighten bilinear terms.
+    """Choose pairs of generators whose products tighten bilinear terms.
 
     The bounds of two variables that multiply each other somewhere, and each linear
     inequality with the bounds of such partners of its variables and with the other
@@ -189,7 +189,7 @@ def bound_products(
     home: NDArray[np.int64],
     objectives: Sequence[Polynomial],
 ) -> NDArray[np.int64]:
-    """Products for linear relaxations, shape (P, 2): McCormick's and those of longer monomials.
+    """Choose products for linear relaxations, (P, 2): McCormick's and those of longer monomials.
 
     Beside :func:`useful_products`, the bounds of each squared variable with themselves, and
     for a monomial of degree 3 or 4 all products of as many bounds, built as a chain.
@@ -244,7 +244,7 @@ def _shallow_first(products: NDArray[np.int64], single: int) -> NDArray[np.int64
 
 
 def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
-    """Pairs i < j of variables that occur together in one monomial, shape (P, 2)."""
+    """List pairs i < j of variables that occur together in one monomial, shape (P, 2)."""
     keys = []
     for table in words:
         row, variable, _ = monomials.runs(table)

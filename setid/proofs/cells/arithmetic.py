@@ -78,7 +78,7 @@ class Fitted(NamedTuple):
 
 
 def enclosed(cells: Reals, poles: int, drives: Reals, spread: Reals) -> Enclosed:
-    """The signal z in each cell.
+    """Enclose the signal z in each cell.
 
     Parameters
     ----------

@@ -67,11 +67,11 @@ class Cells:
         return list(self._cells)
 
     def cell(self, number: int) -> Cell:
-        """A cell that is left."""
+        """Return a cell that is left."""
         return self._cells[number]
 
     def polytope(self, number: int) -> Cover:
-        """A cell as a cover: the rows of the set, then those of the coordinates' two sides."""
+        """State a cell as a cover: rows of the set, then both sides of the coordinates."""
         cover = self._cover
         matrix = np.concatenate([cover.matrix, self._directions, -self._directions])
         low, high = self._cells[number].box

@@ -203,7 +203,7 @@ def _column(u: Reals, item: Term, row: NDArray[np.bool_]) -> Reals:
 
 
 def first_cones(order: int, stable: bool) -> list[Cone]:
-    """Vectors (n + 1, n + 1) that span the first cones, one a row.
+    """List vectors (n + 1, n + 1) that span the first cones, one a row.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def first_cones(order: int, stable: bool) -> list[Cone]:
 def parted_cone(
     cone: Cone, edge: tuple[int, int], weights: tuple[int, int]
 ) -> tuple[Cone, Cone] | None:
-    """The parts of a cone on both sides of a vector on an edge; None where it is no such vector.
+    """Part a cone at a vector on an edge; None where it is no such vector.
 
     Parameters
     ----------
@@ -390,12 +390,12 @@ class DenominatorCells:
         return (n for n in leaves if not self._refutes(rows, doubt, cones[n], self.cells[n]))
 
     def parts(self, number: int) -> tuple[int, ...]:
-        """Numbers of the parts of a cell; none for a leaf."""
+        """Number the parts of a cell; none for a leaf."""
         cell = self.cells[number]
         return () if isinstance(cell, VaryingLeaf) else cell.children
 
     def cones(self, rows: OutputRows) -> dict[int, Cone] | None:
-        """The cone of each cell by its number; None where cells are malformed.
+        """Find the cone of each cell by its number; None where cells are malformed.
 
         Parameters
         ----------

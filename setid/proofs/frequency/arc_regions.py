@@ -92,7 +92,7 @@ class ArcRegions:
         return replace(self, rectangles=found)
 
     def corners(self, w: float) -> Complexes:
-        """Corners (4,) of a rectangle that holds the response at a frequency; infinite without.
+        """Find corners (4,) of a rectangle around the response at a frequency; infinite without.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class ArcRegions:
         )
 
     def at(self, w: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Least and largest gain and phase at a frequency.
+        """Bound gain and phase at a frequency.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class ArcRegions:
         return float(most.max() * (1.0 + 16 * _EPS))
 
     def distance(self, point: complex) -> float:
-        """Proved lower bound of the distance of the response from a point, at all frequencies.
+        """Bound from below the distance of the response from a point, at all frequencies.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class ArcRegions:
 
 
 def families_of(transfer: Transfer, parameters: Sequence[str]) -> tuple[Family, Family]:
-    """Numerator and denominator of a transfer function in discrete time.
+    """State numerator and denominator of a transfer function in discrete time.
 
     Parameters
     ----------

@@ -67,26 +67,26 @@ class Family:
         return 0.5 * (self.constants.size - 1)
 
     def padded(self, size: int) -> Family:
-        """With coefficients 0 up to a number of them."""
+        """Pad with coefficients 0 up to a number of them."""
         more = size - self.constants.size
         return Family(np.pad(self.constants, (0, more)), np.pad(self.weights, ((0, more), (0, 0))))
 
     def divided(self) -> Family:
-        """Quotient by (1 - q^-1), a factor of every member of the family."""
+        """Divide by (1 - q^-1), a factor of every member of the family."""
         return Family(np.cumsum(self.constants)[:-1], np.cumsum(self.weights, axis=0)[:-1])
 
     def scaled(self, radius: float) -> Family:
-        """Values on the circle of a radius: coefficient k divided by radius^k."""
+        """Scale to the circle of a radius: coefficient k divided by radius^k."""
         powers = radius ** -np.arange(float(self.constants.size))
         return Family(self.constants * powers, self.weights * powers[:, None])
 
     def at(self, theta: Reals) -> Reals:
-        """Coefficients (K,) for parameters (p,)."""
+        """Compute coefficients (K,) for parameters (p,)."""
         return np.asarray(self.constants + self.weights @ theta, np.float64)
 
 
 def first_arcs(count: int = _FIRST) -> list[Arc]:
-    """Arcs that cover [0, pi]."""
+    """List arcs that cover [0, pi]."""
     half = 0.5 * pi / count
     return [((2 * i + 1) * half, half * (1.0 + 1e-9)) for i in range(count)]
 
@@ -98,7 +98,7 @@ def halves(arc: Arc) -> list[Arc]:
 
 
 def bernstein(degree: int) -> Reals:
-    """Matrix from coefficients of t^m on [-1, 1] to Bernstein coefficients."""
+    """Build the matrix from coefficients of t^m on [-1, 1] to Bernstein coefficients."""
     found = np.zeros((degree + 1, degree + 1))
     for m in range(degree + 1):
         for i in range(degree + 1):  # t = 2 x - 1
@@ -109,7 +109,7 @@ def bernstein(degree: int) -> Reals:
 
 
 def taylor(size: int, shift: float, arcs: Sequence[Arc]) -> tuple[Complexes, Reals, Reals]:
-    """Taylor coefficients in t in [-1, 1] as combinations of coefficients, and what they lose.
+    """Expand in t in [-1, 1]: combinations of coefficients, and the remainder.
 
     Parameters
     ----------

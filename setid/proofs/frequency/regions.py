@@ -173,7 +173,7 @@ def _farthest(low: complex, high: complex) -> float:
 
 
 def gains_of(west: float, east: float, south: float, north: float) -> tuple[float, float]:
-    """Least and largest absolute value in the rectangle."""
+    """Bound the absolute value in the rectangle."""
     across = max(0.0, west, -east), max(0.0, south, -north)
     far = max(abs(west), abs(east)), max(abs(south), abs(north))
     least = float(np.hypot(*across)) * (1.0 - 4 * _EPS)
@@ -181,7 +181,7 @@ def gains_of(west: float, east: float, south: float, north: float) -> tuple[floa
 
 
 def angles_of(west: float, east: float, south: float, north: float) -> tuple[float, float]:
-    """Range of the angle in a rectangle; all angles where it reaches the left half plane."""
+    """Bound the angle in a rectangle; all angles where it reaches the left half plane."""
     if west <= 0:
         return -np.pi, np.pi
     angles = np.angle([west + 1j * south, west + 1j * north, east + 1j * south, east + 1j * north])

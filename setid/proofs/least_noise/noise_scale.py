@@ -81,7 +81,7 @@ class NoiseScale:
 
 
 def scaled_noise(bounds: tuple[NDArray[Any], ...], factor: float) -> Noise:
-    """Noise bounds times a factor, rounded up."""
+    """Multiply noise bounds by a factor, rounded up."""
     parts = [np.where(b > 0, np.nextafter(b * factor, inf), 0.0) for b in bounds]
     if factor == 1.0:
         parts = list(bounds)
@@ -89,7 +89,7 @@ def scaled_noise(bounds: tuple[NDArray[Any], ...], factor: float) -> Noise:
 
 
 def linear_problem(formulation: Formulation) -> sp.Problem:
-    """Rows abs(Y + R theta) <= s w0 and the priors, in theta and s."""
+    """State the rows abs(Y + R theta) <= s w0 and the priors, in theta and s."""
     rows, problem = formulation.regression, formulation.problem
     assert rows is not None
     n, names = problem.dimension, (*problem.names, "noise factor")
@@ -146,7 +146,7 @@ def _with_factor(
 
 
 def last_variable(problem: sp.Problem) -> sp.Polynomial:
-    """The factor, as a polynomial."""
+    """State the factor as a polynomial."""
     word = np.array([[problem.dimension]], np.int32)
     return sp.Polynomial.from_words(word, np.ones(1), problem.dimension)
 
@@ -154,7 +154,7 @@ def last_variable(problem: sp.Problem) -> sp.Polynomial:
 def problem_with_factor(
     formulation: Formulation, box: ProvedBox | None, scaled: float | None = None
 ) -> sp.Problem:
-    """The problem with one more unknown in [0, 1] that multiplies all noise bounds.
+    """State the problem with one more unknown in [0, 1] that multiplies all noise bounds.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
 
 
 def attained_factor(formulation: Formulation, s: float) -> float:
-    """The factor that a point of :func:`problem_with_factor` needs where it attains s."""
+    """Compute the factor that a point of :func:`problem_with_factor` needs where it attains s."""
     bounds = _row_bounds(formulation).values()
     share = max((spare / size for size, spare in bounds if size), default=0.0)
     return (s + share) * (1.0 + 1e-15)
@@ -211,7 +211,7 @@ def attained_factor(formulation: Formulation, s: float) -> float:
 
 
 def proved_factor(result: sp.Result, limit: float) -> float:
-    """The factor below which the engine proves that nothing is consistent, rounded down."""
+    """Compute the factor below which nothing is consistent by the engine, rounded down."""
     proof = result.certificate
     share = 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
     return float(np.nextafter(share * limit, 0.0))

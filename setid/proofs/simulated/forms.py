@@ -81,12 +81,12 @@ class Region:
 
 
 def constant(values: Reals, dimension: int) -> Form:
-    """A form of numbers (N,)."""
+    """Make a form of numbers (N,)."""
     return Form(values, np.zeros((*np.shape(values), dimension)), np.zeros(np.shape(values)))
 
 
 def late(form: Form, lag: int) -> Form:
-    """A form some samples ago, at rest before the first."""
+    """Delay a form by some samples, at rest before the first."""
     if not lag:
         return form
     found = Form(*(np.zeros_like(part) for part in form))
@@ -96,14 +96,14 @@ def late(form: Form, lag: int) -> Form:
 
 
 def plus(first: Form, second: Form, region: Region) -> Form:
-    """The sum of two forms."""
+    """Add two forms."""
     value, slope = first.value + second.value, first.slope + second.slope
     loss = 2 * _UNIT * (np.abs(value) + region.spread(np.abs(first.slope) + np.abs(second.slope)))
     return Form(value, slope, (first.rest + second.rest + loss) * _MORE)
 
 
 def times(first: Form, second: Form, region: Region) -> Form:
-    """The product of two forms; one of them may be a scalar."""
+    """Multiply two forms; one of them may be a scalar."""
     a, b = np.abs(first.value), np.abs(second.value)
     one, two = region.reach(first.slope), region.reach(second.slope)
     value = first.value * second.value
@@ -121,7 +121,7 @@ def filtered(
     start: Form | None = None,
     bounded: bool = True,
 ) -> Form:
-    """The signal s with s(k) + sum_i a_i s(k - i) = drive(k), at rest before the first sample.
+    """Solve s(k) + sum_i a_i s(k - i) = drive(k), at rest before the first sample.
 
     The part c + g (theta - m) is any solution of the recursion to first order. What it leaves in
     the equation is bounded as a form, and reaches s through the response of 1 / (1 + sum a_i),

@@ -77,7 +77,7 @@ class Recursion:
         return np.array(found, np.int64)
 
     def box(self, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-        """Ends (d,) of a region, from those of the parameters (p,)."""
+        """Find ends (d,) of a region from those of the parameters (p,)."""
         every = self.past.values()
         return (
             np.concatenate([lower, *(past.lower for past in every)]),
@@ -85,7 +85,7 @@ class Recursion:
         )
 
     def cover(self, formulation: Formulation, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-        """Rows ``matrix @ x <= right`` of priors and smoothed readings in all unknowns."""
+        """State rows ``matrix @ x <= right`` of priors and smoothed readings in all unknowns."""
         p = len(self.parameters)
         given = cover(formulation, lower[:p], upper[:p])
         return np.pad(given.matrix, ((0, 0), (0, lower.size - p))), given.right
@@ -270,7 +270,7 @@ def _solvable(equation: Equation, known: set[str]) -> bool:
 
 
 def half_spaces(formulation: Formulation, parts: Recursion, region: Region) -> Cover:
-    """Rows that every consistent theta in a region obeys.
+    """List rows that every consistent theta in a region obeys.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class TreeNode:
 
 
 def asked(directions: Reals) -> Reals:
-    """Directions that are bounded from above in each region, shape (2 (d + q) + 1, d)."""
+    """List directions that are bounded from above in each region, (2 (d + q) + 1, d)."""
     every = np.concatenate([np.eye(directions.shape[1]), directions])
     return np.concatenate([every, -every, np.zeros((1, directions.shape[1]))])
 
@@ -86,7 +86,7 @@ def asked(directions: Reals) -> Reals:
 def first_region(
     formulation: Formulation, lower: Reals, upper: Reals, directions: Reals
 ) -> Region | None:
-    """The region of a finite box; None where it is empty."""
+    """State the region of a finite box; None where it is empty."""
     nothing = np.zeros((0, lower.size))
     box = Cover(formulation.parameters, lower, upper, nothing, np.zeros(0), False)
     ranges = box_ranges(box, directions)
@@ -94,7 +94,7 @@ def first_region(
 
 
 def tightened(region: Region, spaces: Cover, step: Step) -> Region | None:
-    """A region tightened by multipliers of its rows; None where it is proved empty.
+    """Tighten a region by multipliers of its rows; None where it is proved empty.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def tightened(region: Region, spaces: Cover, step: Step) -> Region | None:
 
 
 def parted(region: Region, split: int, at: float) -> tuple[Region | None, Region | None]:
-    """The parts of a region below and above a number; None for one that is empty."""
+    """Part a region below and above a number; None for a part that is empty."""
     d = region.lower.size
     own = np.arange(d + region.low.size) == split
     below = replace(
@@ -252,6 +252,6 @@ def _after_steps(
 
 
 def widened(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-    """Ends as they are claimed."""
+    """Widen ends to what is claimed."""
     room = _WIDER * np.maximum(np.abs(lower), np.abs(upper))
     return frozen(lower - room), frozen(upper + room)

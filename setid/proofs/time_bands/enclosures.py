@@ -97,7 +97,7 @@ class Frame:
     back: Reals
 
     def directions(self, p: int) -> Reals:
-        """The coordinates as linear functions of theta, (q, p)."""
+        """State the coordinates as linear functions of theta, (q, p)."""
         found = np.zeros((len(self.rows), p))
         found[:, self.columns] = self.rows
         return found
@@ -123,7 +123,7 @@ class Centre:
     impulse: Reals
 
     def fits(self, experiment: Experiment) -> bool:
-        """True if there is a number for every sample."""
+        """Check that there is a number for every sample."""
         sizes = self.outputs.size, self.impulse.size
         return sizes == (len(experiment.u), experiment.samples)
 

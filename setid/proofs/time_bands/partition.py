@@ -45,11 +45,11 @@ class Ranges(NamedTuple):
     later: Reals
 
     def joined(self, other: Ranges) -> Ranges:
-        """Ranges that contain both."""
+        """Join ranges: each contains both."""
         return self._by(other, np.minimum, np.maximum)
 
     def met(self, other: Ranges) -> Ranges:
-        """Ranges in both."""
+        """Intersect ranges."""
         return self._by(other, np.maximum, np.minimum)
 
     def _by(self, other: Ranges, low: np.ufunc, high: np.ufunc) -> Ranges:
@@ -105,7 +105,7 @@ class Partition(Cells):
         return self._frame
 
     def range_of(self, number: int) -> Ranges:
-        """Proved range of the output on a cell that is left."""
+        """Bound the output on a cell that is left."""
         return self._ranges[number]
 
     def cut(self, number: int, axis: int, at: float) -> tuple[int, int]:

@@ -19,7 +19,6 @@ from setid.proofs.supports import Cover
 __all__ = ["Affine", "OutputRow", "output_row"]
 
 Reals = NDArray[np.float64]
-_EPS = float(np.finfo(float).eps)
 
 
 class Affine(NamedTuple):
@@ -29,7 +28,7 @@ class Affine(NamedTuple):
     weights: Reals
 
     def at(self, theta: Reals) -> float:
-        """Its value, up to rounding."""
+        """Evaluate it, up to rounding."""
         return float(self.constant + self.weights @ theta)
 
     def size(self, cover: Cover) -> float:
@@ -74,11 +73,11 @@ class OutputRow:
         return self.feedback[0].constant == 1.0 and not np.any(self.feedback[0].weights)
 
     def without_constant(self) -> OutputRow:
-        """The row of the plant alone, without what acts on it all the time."""
+        """Drop what acts all the time from the row: that of the plant alone."""
         return OutputRow(self.feedback, [term for term in self.others if term[2]])
 
     def residual(self, v: Reals, u: Reals, cover: Cover) -> tuple[Reals, Reals, Reals]:
-        """Residual of outputs v (N,) as own (N,) + regressors (N, p) theta, with its size (N,).
+        """Write residuals of outputs v as own (N,) + regressors (N, p) theta, with their size.
 
         All signals are zero before the record. The size is the sum of absolute values over the
         cover.

@@ -22,7 +22,7 @@ __all__ = ["free_parameters"]
 def free_parameters(
     formulation: Formulation,
 ) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
-    """Parameters proved to be free, where noise alone explains the record.
+    """Find parameters proved to be free, where noise alone explains the record.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ _SAMPLES = 60
 
 
 def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
-    """Parameters that may change without any change of the outputs.
+    """Find parameters that may change without any change of the outputs.
 
     The rank of the sensitivities of a simulation, at random stable parameters and inputs,
     says so (not proved, and used to refuse work alone, never for a bound).
@@ -189,7 +189,7 @@ def _exponents(model: BlockStructured) -> dict[str, dict[str, int]]:
 
 
 def scaled_signals(model: BlockStructured) -> tuple[str, ...]:
-    """Internal signals with a scale of their own, not summed with others."""
+    """List internal signals with a scale of their own, not summed with others."""
     tied = {s for b in model.blocks if len(b.source) > 1 for s, _ in b.source}
     return tuple(name for name in model.internal if name not in tied)
 

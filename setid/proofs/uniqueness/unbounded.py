@@ -73,7 +73,7 @@ class Unbounded:
 def moved_parameters(
     formulation: Formulation, model: TransferFunction, theta: NDArray[np.float64]
 ) -> tuple[str, ...]:
-    """The parameters that change with c."""
+    """Name the parameters that change with c."""
     na = model.na[0][0]
     sooner = isinstance(formulation.model, TransferFunction) and model.nk != formulation.model.nk
     numerator = theta[na:] if sooner else np.append(0.0, theta[na:])
@@ -82,7 +82,7 @@ def moved_parameters(
 
 
 def simpler_structures(formulation: Formulation) -> list[Formulation]:
-    """The structures of the arguments above, with the data and noise that they are about."""
+    """List the structures of the arguments above, with the data and noise that they are about."""
     model, data = formulation.model, formulation.data
     if not isinstance(model, TransferFunction) or (model.inputs, model.outputs) != (1, 1):
         return []

@@ -49,5 +49,5 @@ def interned(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def indices(array: NDArray[Any]) -> NDArray[np.int32]:
-    """Whole numbers from 0 to below 2^31, as certificates store them."""
+    """Read whole numbers from 0 to below 2^31, as certificates store them."""
     return interned(array.astype(np.int32))

@@ -57,12 +57,12 @@ def require_ieee() -> None:
 
 
 def down(x: ArrayLike) -> NDArray[np.float64]:
-    """Next double towards minus infinity."""
+    """Take the next double towards minus infinity."""
     return np.nextafter(x, -np.inf)
 
 
 def up(x: ArrayLike) -> NDArray[np.float64]:
-    """Next double towards plus infinity."""
+    """Take the next double towards plus infinity."""
     return np.nextafter(x, np.inf)
 
 
@@ -99,7 +99,7 @@ class Interval:
 
     @staticmethod
     def point(values: ArrayLike) -> Interval:
-        """Intervals of width zero."""
+        """Make intervals of width zero."""
         array = np.asarray(values, float)
         return Interval(array, array)
 
@@ -159,7 +159,7 @@ class Interval:
         return Interval(np.where(safe, quotient.lo, -np.inf), np.where(safe, quotient.hi, np.inf))
 
     def power(self, exponent: NDArray[np.int64]) -> Interval:
-        """Elementwise integer powers (exponent >= 0, broadcast against the interval)."""
+        """Raise to integer powers, each >= 0 and broadcast against the interval."""
         exponent = np.asarray(exponent)
         higher = np.count_nonzero(exponent > 1)
         if higher == exponent.size:
@@ -205,7 +205,7 @@ class Interval:
             return self.hi - self.lo
 
     def intersect(self, other: Interval) -> Interval:
-        """Intersection; empty where lo > hi."""
+        """Intersect; empty where lo > hi."""
         return Interval(np.maximum(self.lo, other.lo), np.minimum(self.hi, other.hi))
 
 
@@ -229,7 +229,7 @@ def _power(
 
 
 def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
-    """Enclosures of the sums of ``terms`` that share an index, shape (size,).
+    """Enclose the sums of ``terms`` that share an index, shape (size,).
 
     Single terms and empty sums stay exact.
     """
@@ -255,7 +255,7 @@ def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
 
 
 def gram(factor: NDArray[np.float64]) -> Interval:
-    """Enclosure of L L' for a stack of matrices L of shape (K, s, r).
+    """Enclose L L' for a stack of matrices L of shape (K, s, r).
 
     L L' is positive semidefinite for every real L, so a Gram matrix that is stored by
     its factor needs no eigenvalue test.
@@ -272,7 +272,7 @@ def gram(factor: NDArray[np.float64]) -> Interval:
 
 
 def matmul(left: Interval, right: Interval) -> Interval:
-    """Enclosure of the matrix product, by midpoints and radii (Rump 1999)."""
+    """Enclose the matrix product, by midpoints and radii (Rump 1999)."""
     a, b = left.middle(), right.middle()
     a_radius = up(np.maximum(up(left.hi - a), up(a - left.lo)))
     b_radius = up(np.maximum(up(right.hi - b), up(b - right.lo)))
@@ -295,7 +295,7 @@ def exact_values(
     size: int,
     x: Sequence[Fraction],
 ) -> list[Fraction]:
-    """Exact values of stacked polynomials at a rational point.
+    """Evaluate stacked polynomials at a rational point, exactly.
 
     Terms are integers over powers of two and odd denominators, so that only sums of terms with
     different odd denominators need fractions: few, since doubles have none.

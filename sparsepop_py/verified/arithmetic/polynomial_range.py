@@ -80,7 +80,7 @@ def _known_factors(letters: bytes, shape: tuple[int, int], dimension: int) -> Fa
 
 
 def product(factors: Interval) -> Interval:
-    """Products along the last axis."""
+    """Multiply along the last axis."""
     result = factors[..., 0]
     for column in range(1, factors.lo.shape[-1]):
         result = result * factors[..., column]
@@ -88,14 +88,14 @@ def product(factors: Interval) -> Interval:
 
 
 def range_over(system: PolynomialSystem, box: Interval) -> Interval:
-    """Enclosure of the range of every polynomial of ``system`` over a box, shape (m,)."""
+    """Enclose the range of every polynomial of ``system`` over a box, shape (m,)."""
     factors = Factors.of(system.words, system.dimension)
     terms = Interval.point(system.coefficients) * product(factors.ranges(box))
     return sum_by(system.row, terms, system.size)
 
 
 def jacobian_range(system: PolynomialSystem, box: Interval) -> Interval:
-    """Enclosure of the Jacobian over a box as dense intervals of shape (m, n)."""
+    """Enclose the Jacobian over a box by dense intervals of shape (m, n)."""
     row, variable, power = monomials.runs(system.words)
     words = system.words[row].copy()
     words[np.arange(row.size), np.argmax(words == (variable + 1)[:, None], axis=1)] = 0
@@ -111,7 +111,7 @@ def jacobian_range(system: PolynomialSystem, box: Interval) -> Interval:
 def expand_affine(
     system: PolynomialSystem, centre: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> tuple[Words, NDArray[np.int64], Interval]:
-    """Polynomials in t after the substitution x = centre + scale * t.
+    """Substitute x = centre + scale * t.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def expand_affine(
 def expand_exactly(
     system: PolynomialSystem, centre: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> tuple[Words, NDArray[np.int64], Interval]:
-    """Polynomials in t as by :func:`expand_affine`, their coefficients from exact rationals.
+    """Substitute as :func:`expand_affine`, with coefficients from exact rationals.
 
     Where powers of a centre cancel, rounding on the way may hide what is left of them.
 
@@ -292,7 +292,7 @@ def _enclosed(whole: int) -> tuple[float, float]:
 
 
 def monomial_ranges(words: Words, box: Interval) -> Interval:
-    """Ranges of monomials (T, D) over a box, shape (T,); exact but for rounding."""
+    """Enclose the ranges of monomials (T, D) over a box, shape (T,), exactly but for rounding."""
     count = words.shape[0]
     value = Interval(np.ones(count), np.ones(count))
     row, variable, power = monomials.runs(words)

@@ -27,7 +27,7 @@ Ends = tuple[float, float]
 
 
 def meet(one: Ends, other: Ends) -> Ends:
-    """Intersection; the ends cross where it is empty."""
+    """Intersect; the ends cross where nothing is in both."""
     return max(one[0], other[0]), min(one[1], other[1])
 
 
@@ -51,7 +51,7 @@ def times(one: Ends, other: Ends) -> Ends:
 
 
 def product(factors: Sequence[Ends]) -> Ends:
-    """Product of several; a single one as it is."""
+    """Multiply several; a single one stays as it is."""
     if not factors:
         return 1.0, 1.0
     found = factors[0]
@@ -71,7 +71,7 @@ def quotient(top: Ends, below: Ends) -> Ends:
 
 
 def power(ends: Ends, exponent: int) -> Ends:
-    """Integer power; a negative one is that of the inverse.
+    """Raise to an integer power; a negative one is that of the inverse.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def power(ends: Ends, exponent: int) -> Ends:
 
 
 def odd_root(ends: Ends, degree: int) -> Ends:
-    """Odd root; ends are moved outwards until their powers, in rationals, pass the given ones.
+    """Take an odd root; ends move outwards until their powers, in rationals, pass the given ones.
 
     Parameters
     ----------

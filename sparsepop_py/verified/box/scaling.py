@@ -59,7 +59,7 @@ class Scaling:
         typical: NDArray[np.float64] | None = None,
         slack: NDArray[np.float64] | float = 0.0,
     ) -> Scaling:
-        """Scaling of a box; ``typical`` (n,) gives the scale of variables without one.
+        """Scale a box; ``typical`` (n,) gives the scale of variables without one.
 
         Where variables are not fixed, larger boxes fit as well, by ``slack`` on all sides.
         """
@@ -230,7 +230,7 @@ class Scaled:
     row_sizes: NDArray[np.float64]
 
     def generator_sizes(self, products: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Original generator = size * scaled generator, products (P, 2) last."""
+        """List sizes: original generator = size * scaled generator, products (P, 2) last."""
         n = self.problem.dimension
         sizes = np.concatenate([[1.0], self.row_sizes, np.ones(3 * n)])
         for layer in generators.layers(products, sizes.size):

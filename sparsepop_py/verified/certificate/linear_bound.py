@@ -160,7 +160,7 @@ def check_linear(problem: Problem, objectives: Sequence[Polynomial]) -> None:
 
 
 def cost_of(objective: Polynomial) -> list[float]:
-    """Coefficients of the variables."""
+    """List the coefficients of the variables."""
     cost = np.zeros(objective.dimension)
     letter = objective.words[:, -1]
     cost[letter[letter > 0] - 1] = objective.coefficients[letter > 0]
@@ -168,7 +168,7 @@ def cost_of(objective: Polynomial) -> list[float]:
 
 
 def value_at(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
-    """Value of a linear objective at a rational point."""
+    """Evaluate a linear objective at a rational point."""
     terms = (Fraction(c) * v for c, v in zip(cost_of(objective), point, strict=True) if c)
     return sum(terms, Fraction(objective.constant_term))
 

@@ -86,7 +86,7 @@ class Multipliers:
         return are_indices(self.place, int(side.max(initial=0))) and bool(np.all(self.place < rows))
 
     def terms(self) -> tuple[Words, Interval]:
-        """Monomials and coefficients of each multiplier, shapes (K, R, D') and (K, R)."""
+        """List monomials and coefficients of each multiplier, shapes (K, R, D') and (K, R)."""
         if self.free:
             return self.basis, Interval.point(self.values.astype(float))
         j, i = np.tril_indices(self.basis.shape[1])
@@ -102,7 +102,7 @@ class Multipliers:
         return self.values.size
 
     def times(self, made: ScaledGenerators, entries: ScaledGenerators) -> tuple[Words, Interval]:
-        """Monomials and coefficients of all products with the generators, or with matrices."""
+        """Multiply by the generators or by matrices; return monomials and coefficients."""
         product, weight = self.terms()
         number, source = self.generator, made
         if self.place is not None and entries.matrices is not None:

@@ -22,7 +22,7 @@ _UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 
 
 def integers(values: list[float]) -> list[int]:
-    """Doubles times the least power of two that makes all of them integers."""
+    """Multiply doubles by the least power of two that makes all of them integers."""
     pairs = [value.as_integer_ratio() for value in values]
     scale = lcm(*(denominator for _, denominator in pairs))
     return [numerator * (scale // denominator) for numerator, denominator in pairs]
@@ -124,7 +124,7 @@ class Polyhedron:
 
 
 def doubles(point: list[int], total: int) -> tuple[NDArray[np.float64], bool]:
-    """Point / total in doubles, and whether none of them overflows or underflows."""
+    """Divide a point by a total in doubles; tell whether none overflows or underflows."""
     try:
         x = np.array([value / total for value in point])
     except OverflowError:

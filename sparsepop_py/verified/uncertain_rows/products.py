@@ -66,7 +66,7 @@ class ProductRows:
     gains: tuple[Gain, ...] = ()
 
     def start(self, box: Reals) -> Reals:
-        """Bounds (2, q) of all columns on a box (2, p) of theta, rounded outwards."""
+        """Bound all columns (2, q) on a box (2, p) of theta, rounded outwards."""
         ends = [(float(a), float(b)) for a, b in box.T]
         return np.array([_total(ends, column) for column in self.columns]).T
 
@@ -176,7 +176,7 @@ def _settle_factors(
 
 
 def merged(rows: ProductRows, factors: Sequence[Hashable]) -> ProductRows:
-    """Columns that multiply the same become one, the sum of their monomials.
+    """Merge columns that multiply the same into one, the sum of their monomials.
 
     Parameters
     ----------

@@ -64,13 +64,13 @@ class LeftInverse:
         return bool(np.all(np.isfinite(reached)) and np.all(reached < self.radius))
 
     def box(self) -> tuple[Reals, Reals]:
-        """Its ends, rounded outwards."""
+        """Compute its ends, rounded outwards."""
         low, high = self.centre - self.radius, self.centre + self.radius
         return np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
 
 
 def drive_and_coupling(rows: UncertainRows, inverse: Reals, centre: Reals) -> tuple[Reals, Reals]:
-    """Upper ends of d (p,) and G (p, p)."""
+    """Compute upper ends of d (p,) and G (p, p)."""
     count, p = rows.regressors.shape
     loss, lost = 2.0 * (count + p + 8) * _UNIT, (count + p + 8) * _LEAST
     size, slope = np.abs(inverse), np.abs(rows.regressors)
@@ -102,7 +102,7 @@ class SignTree:
     bounds: tuple[LinearBound, ...]
 
     def leaves(self) -> list[SignTree]:
-        """Nodes without children."""
+        """List the nodes without children."""
         return [leaf for child in self.children for leaf in child.leaves()] or [self]
 
 

@@ -75,7 +75,7 @@ class Faces:
 
     @staticmethod
     def of(coupled: CoupledRows, rows: ProductRows, ends: Reals, box: Reals) -> Faces | None:
-        """None where an unbounded parameter is not always multiplied by one partner."""
+        """Find the partners; None where an unbounded parameter also meets others."""
         far = tuple(np.flatnonzero(np.any(np.isinf(box), axis=0)).tolist())
         pairs = [m for column in rows.columns for m in column if len(m) == 2]
         partners = frozenset(
@@ -153,7 +153,7 @@ class Faces:
         return np.concatenate([box, [known.lower[p:], known.upper[p:]]], axis=1)
 
     def problem(self, face: int, box: Reals) -> Problem:
-        """The consistent points of a face."""
+        """State the consistent points of a face."""
         names = self.coupled.problem.names
         nothing = 0.0 * variables(len(names))[0]
         return Problem(nothing, self.constraints[face], box[0], box[1], names)
