@@ -58,7 +58,7 @@ class _Place:
     off: float
 
     def merit(self, penalty: float) -> float:
-        """Value plus penalised violation, which each step is to reduce."""
+        """Add penalised violations to the value; each step is to reduce the sum."""
         return self.value + penalty * self.off
 
 

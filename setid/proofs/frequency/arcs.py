@@ -43,7 +43,7 @@ class Family:
     def of_products(
         cls, first: Sequence[Fraction], second: Sequence[Fraction], na: int, lags: Sequence[int]
     ) -> Family:
-        """First A(theta) + second B(theta), A = 1 + a_1 q^-1 + ..., B with coefficients at lags.
+        """Sum first A(theta) + second B(theta), A = 1 + a_1 q^-1 + ..., B with given lags.
 
         Parameters
         ----------
