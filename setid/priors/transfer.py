@@ -357,8 +357,8 @@ class _RootIn(Plain, ABC):
     _word: str = field(default="root", init=False, repr=False)
 
     def __post_init__(self) -> None:
-        interval_of((self.low, self.high), type(self).__name__)
-        if not np.isfinite([self.low, self.high]).all():
+        ends = interval_of((self.low, self.high), type(self).__name__)
+        if not np.isfinite(ends).all():
             raise PriorError(f"{type(self).__name__}: found an infinite end, expected numbers")
 
     def _label(self) -> str:

@@ -78,6 +78,8 @@ def test_which_forms_introduce_partial_outputs() -> None:
             "na: found several orders",
         ),
         (lambda: setid.TransferFunction(1, 1).transfer(2, 1), "output, input: found 2, 1"),
+        (lambda: setid.TransferFunction(1, 1).transfer(None, 1), "output: found None"),
+        (lambda: setid.TransferFunction(1, 1).transfer(1, "u1"), "input: found 'u1'"),
         (lambda: setid.PolynomialNARX([], 1, 1), "terms: found none"),
         (lambda: setid.PolynomialNARX("y1", 1, 1), "terms: found the text 'y1'"),
         (lambda: setid.PolynomialNARX(["y1+u0"], 1, 1), r"terms\[0\]: found 'y1\+u0'"),

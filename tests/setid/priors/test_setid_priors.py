@@ -221,6 +221,7 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: setid.Known({"a1": np.inf}), "a1: found inf, expected a finite number"),
         (lambda: setid.Sign({"a1": "?"}), r"Sign\['a1'\]: found '\?'"),
         (lambda: setid.Stable(1.0), "margin: found 1.0, expected 0 <= margin < 1"),
+        (lambda: setid.PoleIn(None, 0.5), "PoleIn: found an infinite end, expected numbers"),
         (lambda: setid.DCGain(2, 1), r"DCGain: found \[2, 1\]"),
         (lambda: setid.PoleIn(0, np.inf), "PoleIn: found an infinite end"),
         (lambda: setid.ZeroIn(0, 1), "ZeroIn: found no zero, expected at least one"),
