@@ -315,7 +315,9 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     found = _settle(formulation, first)
     if _closed(found) or first.deadline.stopped:
         return found
-    fewer = formulate(formulation.data, formulation.model, formulation.noise, kept)
+    # of the form that `found` speaks of: denominators may be multiplied out there
+    model = found.formulation.model
+    fewer = formulate(formulation.data, model, formulation.noise, kept)
     return _intersect(found, _settle(fewer, task), task.settings.tol)
 
 

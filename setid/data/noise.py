@@ -6,6 +6,7 @@ import numbers
 from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
@@ -245,8 +246,8 @@ class EnergyBound:
         rows = []
         for samples in _by_record(layout, self.kind):
             squares = [layout.polynomial(v) ** 2 for v in samples[samples >= 0].tolist()]
-            if squares:
-                rows.append(sp.total(squares) <= self.radius**2)
+            if squares and (most := _square(self.radius)) < np.inf:
+                rows.append(sp.total(squares) <= most)
         return rows
 
 
@@ -373,6 +374,14 @@ def _spread(bound: Bound, field: str, samples: int, channels: int) -> NDArray[np
         f"{field}: found shape {values.shape}, expected (), ({channels},), ({samples},) or "
         f"({samples}, {channels})"
     )
+
+
+def _square(size: float) -> float:
+    """Square a number >= 0, rounded upwards so that no noise is lost."""
+    found = float(size) * float(size)
+    if found < np.inf and Fraction(found) < Fraction(size) ** 2:
+        found = float(np.nextafter(found, np.inf))
+    return found
 
 
 def _check_set(kind: str, size: float, field: str) -> None:

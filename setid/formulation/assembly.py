@@ -28,7 +28,8 @@ from setid.formulation.signals import Signal, internal_range, measured, missing_
 from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
-from setid.priors.base import Facts, Prior
+from setid.priors.base import Facts, Prior, Symbols
+from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = ["Built", "Rows", "build", "check_rows_of_priors"]
@@ -98,6 +99,7 @@ class Built(NamedTuple):
     products: ProductRows | None
     equations: tuple[Equation, ...]
     dropped: int
+    rounded: tuple[Rounding, ...]
 
 
 class _Bounds(NamedTuple):
@@ -148,6 +150,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
         build_products(data, model, signals, usable, bounds.equation),
         tuple(equations),
         sum(item.dropped for item in plans),
+        _rounded(model, priors, facts, layout),
     )
 
 
@@ -390,9 +393,7 @@ def _symbols(model: Structure, names: Sequence[str]) -> dict[str, sp.Polynomial]
 def _prior_rows(
     model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
 ) -> list[_Collected]:
-    slack = layout.group("slack")
-    numbers = np.concatenate([layout.group("theta"), slack])
-    symbols = _symbols(model, [layout.names[number] for number in numbers])
+    numbers, symbols = _own_symbols(model, layout)
     rows = []
     for place, prior in enumerate(priors):
         for constraint in prior.rows(model, symbols, facts):
@@ -400,3 +401,22 @@ def _prior_rows(
             row = sp.Constraint(lifted, constraint.kind, constraint.name)
             rows.append(_Collected(row, "prior", item=place))
     return rows
+
+
+def _own_symbols(model: Structure, layout: Layout) -> tuple[NDArray[np.int64], Symbols]:
+    """Numbers and polynomials of the parameters and of the unknowns of priors."""
+    numbers = np.concatenate([layout.group("theta"), layout.group("slack")])
+    return numbers, _symbols(model, [layout.names[number] for number in numbers])
+
+
+def _rounded(
+    model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
+) -> tuple[Rounding, ...]:
+    """Coefficients of priors that are no doubles as they were written."""
+    numbers, symbols = _own_symbols(model, layout)
+    free = np.full(numbers.size, np.inf)
+    found = []
+    for prior in priors:
+        rows = [row.polynomial for row in prior.rows(model, symbols, facts)]
+        found.append(rounding_of(f"prior {prior.describe()}", rows, -free, free))
+    return tuple(record for record in found if record is not None)

@@ -158,7 +158,9 @@ class TransferFunction(InNotebook):
         output, input : int
             Channels, from 1.
         """
-        if not (1 <= output <= self.outputs and 1 <= input <= self.inputs):
+        output = natural(output, "output", ModelError, least=1)
+        input = natural(input, "input", ModelError, least=1)
+        if not (output <= self.outputs and input <= self.inputs):
             raise ModelError(
                 f"output, input: found {output}, {input}, expected at most "
                 f"{self.outputs}, {self.inputs}, counted from 1"

@@ -53,7 +53,8 @@ class StaticMap:
     def __init__(self, arguments: str | Sequence[str], basis: int | Sequence[Any]) -> None:
         given = [arguments] if isinstance(arguments, str) else arguments
         names = tuple(entries_of(given, "StaticMap.arguments", "names of signals", ModelError))
-        if not names or len(set(names)) != len(names) or not all(isinstance(n, str) for n in names):
+        texts = all(isinstance(n, str) for n in names)
+        if not names or not texts or len(set(names)) != len(names):
             raise ModelError(
                 f"StaticMap.arguments: found {arguments!r}, expected distinct signal names"
             )

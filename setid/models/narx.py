@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from setid.data.checks import natural, word
+from setid.data.checks import entries_of, natural, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Transfer, term
 from setid.models.html import InNotebook
@@ -92,13 +92,14 @@ class PolynomialNARX(InNotebook):
             "inputs": natural(inputs, "inputs", ModelError, least=1),
             "outputs": natural(outputs, "outputs", ModelError, least=1),
             "initial": initial,
-            "degree_cut": bool(degree_cut),
+            "degree_cut": switch(degree_cut, "degree_cut", ModelError),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
         if isinstance(terms, str):
             raise ModelError(f"terms: found the text {terms!r}, expected a list of terms")
-        lists = [terms] if outputs == 1 else list(terms)
+        entries: list[Any] = list(entries_of(terms, "terms", "a list of terms", ModelError))
+        lists = [entries] if outputs == 1 else entries
         if len(lists) != outputs:
             raise ModelError(f"terms: found {len(lists)} lists, expected {outputs}, one an output")
         read = tuple(self._read_all(items) for items in lists)

@@ -20,12 +20,14 @@ ZAMP 7 (1956) 473-500 (the recursion).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from math import comb, inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
+from setid.priors.stability import rounded_up
 
 __all__ = ["half_plane_rows", "half_plane_unknowns", "half_plane_values", "schwarz_parameters"]
 
@@ -87,6 +89,8 @@ def half_plane_rows(
     if margin:
         every = [rest[0] * 0.0 + 1.0 if lead is None else lead, *rest]
         weights = _shift(n, margin)[1:].tolist()
+        if lead is None and n == 2:
+            weights[1][0] = rounded_up(Fraction(margin) ** 2)  # the only product that is rounded
         rest = [sp.total(w * c for w, c in zip(row, every, strict=True) if w) for row in weights]
     rows = [c >= 0 for c in rest]
     if n == 3:

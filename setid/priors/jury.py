@@ -86,7 +86,7 @@ def jury_rows(
     """
     n = len(rest)
     one = rest[0] * 0.0 + 1.0
-    above = [one, *(c * (1.0 / radius**i) for i, c in enumerate(rest, 1))]
+    above = [one, *(c * (1 / Fraction(radius) ** i) for i, c in enumerate(rest, 1))]
     rows = [
         sp.total(above) >= 0,
         sp.total([c * (-1.0) ** i for i, c in enumerate(above)]) >= 0,

@@ -4,7 +4,8 @@ Of ``lead + c_1 q^-1 + ... + c_n q^-n`` with lead >= 0, the closure of "all root
 abs(z) <= r" is described by
 
 - n = 1: ``abs(c_1) <= r lead``;
-- n = 2: the triangle ``abs(c_2) <= r^2 lead``, ``r^2 lead +- r c_1 + c_2 >= 0``;
+- n = 2: the triangle ``abs(c_2) <= r^2 lead``, ``r^2 lead +- r c_1 + c_2 >= 0``, where r^2 is
+  rounded upwards for lead 1, so that no polynomial is lost;
 - n > 2: the step-up recursion ``s_m = [s_{m-1}, 0] + k_m reverse([s_{m-1}, 0])`` from a point
   s_2 of the triangle, with reflection coefficients k_m in [-1, 1] and s_n the scaled
   coefficients. Its image of the closed cube is the closure of the stable set. (Jury's
@@ -20,21 +21,29 @@ Trans. Automatic Control 23 (1978) 454-458 (the triangle and its generalisation)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = [
     "disc_rows",
     "disc_unknowns",
+    "rounded_up",
     "step_down",
     "unknown_values",
 ]
 
 Box = tuple[float, float]
+
+
+def rounded_up(value: Fraction) -> float:
+    """Find the least double that is no smaller."""
+    return float(Interval.of_fraction(value).hi)
 
 
 def step_down(coefficients: ArrayLike) -> list[NDArray[np.float64]]:
@@ -100,8 +109,11 @@ def disc_rows(
     if n == 0:
         return []
     one = rest[0] * 0.0 + 1.0
+    if lead is None and n == 2:
+        square = rounded_up(Fraction(radius) ** 2)
+        return _triangle(one * square, rest[0] * radius, rest[1])
     head = one if lead is None else lead
-    scaled = [c * (1.0 / radius**i) for i, c in enumerate(rest, 1)]
+    scaled = [c * (1 / Fraction(radius) ** i) for i, c in enumerate(rest, 1)]
     if n == 1:
         return [head - scaled[0] >= 0, head + scaled[0] >= 0]
     if n == 2:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from math import comb, inf
 from typing import Literal, NamedTuple
 
@@ -18,7 +19,7 @@ from setid.models.equations import Structure, Transfer
 from setid.priors.base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
 from setid.priors.hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
 from setid.priors.jury import is_stable, jury_rows, jury_unknowns, jury_values
-from setid.priors.stability import disc_rows, disc_unknowns, unknown_values
+from setid.priors.stability import disc_rows, disc_unknowns, rounded_up, unknown_values
 
 __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
@@ -70,12 +71,12 @@ class Stable(Plain):
 
     @property
     def radius(self) -> float:
-        """Largest absolute value of a pole, in discrete time."""
+        """Largest absolute value of a pole, in discrete time, rounded upwards."""
         if self.margin >= 1.0:
             raise PriorError(
                 f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1 in discrete time"
             )
-        return 1.0 - self.margin
+        return rounded_up(1 - Fraction(self.margin))
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
         """Bound abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i.
@@ -96,8 +97,7 @@ class Stable(Plain):
                     least = comb(len(names), i) * self.margin**i
                     found[name] = (least * (1.0 - 1e-15), inf)  # below what rounding may add
                     continue
-                size = comb(len(names), i) * self.radius**i
-                size = float(np.nextafter(size, inf)) if self.margin else float(size)
+                size = rounded_up(comb(len(names), i) * Fraction(self.radius) ** i)
                 found[name] = (-size, size)
         return found
 
@@ -357,8 +357,8 @@ class _RootIn(Plain, ABC):
     _word: str = field(default="root", init=False, repr=False)
 
     def __post_init__(self) -> None:
-        interval_of((self.low, self.high), type(self).__name__)
-        if not np.isfinite([self.low, self.high]).all():
+        ends = interval_of((self.low, self.high), type(self).__name__)
+        if not np.isfinite(ends).all():
             raise PriorError(f"{type(self).__name__}: found an infinite end, expected numbers")
 
     def _label(self) -> str:

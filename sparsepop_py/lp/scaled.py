@@ -26,6 +26,7 @@ _TRIES: tuple[dict[str, str | int], ...] = (
     {"solver": "simplex", "simplex_strategy": 4},
 )
 _BALANCING = 10  # passes
+_LARGEST_SCALE = 500.0  # exponent of two
 
 
 def solve_scaled(
@@ -101,4 +102,5 @@ def _scales(
             left = logs + row[size.row] + column[size.col]
             count = np.bincount(place, minlength=scale.size)
             scale -= np.bincount(place, left, scale.size) / np.maximum(count, 1)
-    return np.exp2(np.round(row)), np.exp2(np.round(column))
+    ends = -_LARGEST_SCALE, _LARGEST_SCALE  # columns of subnormal numbers stay as good as zero
+    return np.exp2(np.clip(np.round(row), *ends)), np.exp2(np.clip(np.round(column), *ends))

@@ -111,3 +111,11 @@ def test_prices_are_those_of_the_rows_as_given() -> None:
     rows = sps.csr_array(np.array([[-1e-9, 0.0], [0.0, -2e9]]))
     found = solve_scaled(np.array([3e-9, 5e9]), (rows, np.array([-1.0, -1.0])))
     assert found.dual == pytest.approx([-3.0, -2.5])
+
+
+def test_columns_of_subnormal_numbers_count_as_zero() -> None:
+    """Their scales overflowed, and HiGHS found nonsense or did not end."""
+    rows = sps.csr_array(np.array([[1.0, 5e-324], [-1.0, 1e-323], [2.0, -5e-324]]))
+    found = solve_scaled(np.array([1.0, 0.0]), (rows, np.ones(3)), None, (-np.ones(2), np.ones(2)))
+    assert found.status == "solved" and found.value == -1.0
+    assert found.x[0] == -1.0 and abs(found.x[1]) <= 1.0

@@ -88,3 +88,17 @@ def test_ends_that_the_evidence_does_not_give_are_refused(
     item = claims.intervals["a1"]
     tighter = replace(item, outer=(item.outer[0], float(np.nextafter(item.outer[1], -9.0))))
     assert not setid.verify(replace(claims, intervals={**claims.intervals, "a1": tighter})).ok
+
+
+def test_denominators_that_are_multiplied_out_are_so_without_a_prior_too() -> None:
+    """Fewer priors make the problem of partial outputs linear, whose rows are others."""
+    u = np.array([[1, 2], [-1, 1], [2, -1], [1, 1], [-2, 3], [1, -1], [2, 2], [-1, -2]])
+    y = np.convolve(u[:, 0], [0, 2])[:8] + np.convolve(u[:, 1], [0, 1, -0.5])[:8]
+    model = setid.TransferFunction([[0, 0]], [[1, 2]], [[1, 1]], inputs=2, form="partial")
+    noise = setid.Noise(output=np.where(np.arange(8) == 5, 0.25, 0.0))
+    zero = setid.ZeroIn(0.2, 0.8, output=1, input=2)
+    found = setid.identify(setid.IOData(u, y), model, noise, zero, setid.Options(progress=False))
+    assert found.fewer_priors is not None
+    assert found.fewer_priors.formulation.model == found.formulation.model
+    assert found.verify().ok
+    assert setid.Identification.from_json(found.to_json()).table() == found.table()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -121,3 +123,17 @@ def test_sets_of_the_users_own() -> None:
             setid.formulate(data, FIR, setid.Noise(0.1, constraints=bad))
     with pytest.raises(setid.SetidError, match=r"name: found 'xi\[1\]'"):
         setid.formulate(data, FIR, setid.Noise(0.1)).layout.variable("xi[1]")
+
+
+def test_the_square_of_a_norm_is_rounded_upwards() -> None:
+    """The noise of one sample may be as large as the radius, whose square is no double."""
+    noise = setid.Noise(output=1.0, constraints=setid.EnergyBound("output", 0.7))
+    row = setid.formulate(DATA, setid.TransferFunction(0, 1, inputs=2), noise).problem
+    assert Fraction(0.7) ** 2 <= Fraction(row.constraints[-1].polynomial.constant_term)
+
+
+def test_a_norm_beyond_all_doubles_says_nothing() -> None:
+    noise = setid.Noise(output=1.0, constraints=setid.EnergyBound("output", 1e200))
+    model = setid.TransferFunction(0, 1, inputs=2)
+    without = setid.formulate(DATA, model, setid.Noise(output=1.0)).problem
+    assert len(setid.formulate(DATA, model, noise).problem.constraints) == len(without.constraints)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from prior_cases import admits
@@ -47,6 +49,23 @@ def test_stable_admits_what_the_roots_say(n: int, margin: float) -> None:
         theta = [*np.real(np.poly(roots))[1:], 1.0]
         assert admits(formulation, np.array(theta)) == (largest < 0), roots
     assert seen == {True, False}
+
+
+@pytest.mark.parametrize("margin", [0.1, 0.7])
+def test_the_edge_of_a_smaller_half_plane_is_not_rounded_away(margin: float) -> None:
+    """(s + margin)^2 has its double pole on the edge, and satisfies the rows in rationals."""
+    rows = prepared(2, 0, [setid.Stable(margin)]).problem.constraints[-2:]
+    a1 = Fraction(2.0 * margin)
+    theta = [a1, Fraction(margin) ** 2]
+    for row in rows:
+        terms = zip(
+            row.polynomial.exponents.toarray().tolist(), row.polynomial.coefficients, strict=True
+        )
+        value = sum(
+            Fraction(float(c)) * np.prod([t**k for t, k in zip(theta, e, strict=False)])
+            for e, c in terms
+        )
+        assert value >= 0
 
 
 def test_the_boundary_is_admitted() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,6 +28,20 @@ def prepared(
 
 
 # ---- stability --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("margin", [0.051, 0.053, 0.062])
+def test_the_edge_of_a_smaller_disc_is_not_rounded_away(margin: float) -> None:
+    """Poles +-i sqrt(a2) lie in the disc of 1 - margin exactly where a2 is at most its square."""
+    square = (1 - Fraction(margin)) ** 2
+    a2 = float(square)
+    if a2 > square:
+        a2 = np.nextafter(a2, 0.0)
+    data = setid.IOData([1.0, 2.0, -1.0, 3.0, 1.0, -2.0], np.zeros(6))
+    priors = [setid.Stable(margin), setid.Known({"a1": 0.0})]
+    options = setid.Options(progress=False)
+    model, noise = setid.TransferFunction(2, 1, 1), setid.Noise(equation=1.0)
+    assert a2 in setid.identify(data, model, noise, priors, options).intervals["a2"]
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.2])
@@ -205,6 +221,7 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: setid.Known({"a1": np.inf}), "a1: found inf, expected a finite number"),
         (lambda: setid.Sign({"a1": "?"}), r"Sign\['a1'\]: found '\?'"),
         (lambda: setid.Stable(1.0), "margin: found 1.0, expected 0 <= margin < 1"),
+        (lambda: setid.PoleIn(None, 0.5), "PoleIn: found an infinite end, expected numbers"),
         (lambda: setid.DCGain(2, 1), r"DCGain: found \[2, 1\]"),
         (lambda: setid.PoleIn(0, np.inf), "PoleIn: found an infinite end"),
         (lambda: setid.ZeroIn(0, 1), "ZeroIn: found no zero, expected at least one"),
@@ -267,3 +284,12 @@ def test_the_sign_of_a_numerator_that_normalise_fixes_is_known(lead: float) -> N
         if feasible:
             low, high = found.intervals["b2"].outer
             assert low <= share * lead <= high <= low + 0.1
+
+
+@pytest.mark.parametrize("prior", [setid.PoleIn(0.3, 0.3), setid.DCGain(0.9, 1.1)])
+def test_the_assumptions_say_what_was_rounded(prior: setid.PoleIn | setid.DCGain) -> None:
+    formulation, _ = prepared(2, 1, [prior])
+    said = [text for text in formulation.assumptions if "rounded" in text]
+    assert len(said) == 1 and said[0].startswith(f"prior {prior.describe()}: ")
+    exact, _ = prepared(2, 1, [setid.PoleIn(0.25, 0.25), setid.Stable(0.25)])
+    assert not any("rounded" in text for text in exact.assumptions)
