@@ -21,6 +21,7 @@ from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
 from setid.formulation.formulation import formulate
+from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
@@ -365,10 +366,11 @@ def _on_noise(found: Advice, count: int, own: bool) -> list[str]:
     if found.noise_bound is None:
         return ["no part of the record is at rest: record the outputs with zero input"]
     where = "at rest" if own else "of this record where it is at rest"
+    share = rounded(100 * found.coverage, False, 4)
     return [
         f"noise bound {found.noise_bound} from {count} samples {where}: with 95 % confidence at "
-        f"least {100 * found.coverage:.4g} % of noise samples lie within the range seen, if they "
-        "are independent; take a margin"
+        f"least {share} % of noise samples lie within the range seen, if they are independent; "
+        "take a margin"
     ]
 
 
