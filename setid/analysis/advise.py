@@ -298,6 +298,12 @@ def _saturated(data: IOData) -> dict[str, tuple[float | None, float | None]]:
     return found
 
 
+def _last(data: IOData, name: str) -> float:
+    """The last reading of an output."""
+    values = data.y[:, data.output_names.index(name)]
+    return float(values[~np.isnan(values)][-1])
+
+
 def _runs(values: Reals) -> list[tuple[float, int]]:
     """Values with the lengths of their runs."""
     edges = np.flatnonzero(np.diff(values) != 0) + 1
@@ -347,7 +353,10 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
     lines += _on_noise(found, count, own)
     for name, ends in found.saturation.items():
         shown = " and ".join(f"{end:g}" for end in ends if end is not None)
-        lines.append(f"{name} sticks at {shown}: saturation; use a smaller step or another range")
+        cause = "saturation; use a smaller step or another range"
+        if name in found.quantisation and _last(found.record, name) in ends:
+            cause = f"it settles there within a step of its quantisation, or {cause}"
+        lines.append(f"{name} sticks at {shown}: {cause}")
     for name, step in found.quantisation.items():
         lines.append(
             f"{name} is quantised in steps of {step:g}: at least {step / 2:g} of its noise bound "
