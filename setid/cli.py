@@ -98,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     >>> main(["identify", "nowhere.csv", "--na", "1", "--nb", "1", "--output-noise", "1"])
     2
     """
-    return run_commands("setid", _parser(), argv, (SetidError, sp.ProblemError))
+    return run_commands("setid", _parser(), argv, (SetidError, sp.ProblemError, sp.FormatError))
 
 
 # ---- arguments --------------------------------------------------------------------------
@@ -175,9 +175,8 @@ def _add_data(command: argparse.ArgumentParser) -> None:
 
 
 def _record(arguments: argparse.Namespace) -> IOData:
-    defaults = _default_columns(arguments.record)
-    inputs = _columns(arguments.input) or [defaults[0]]
-    outputs = _columns(arguments.output) or [defaults[1]]
+    inputs = _columns(arguments.input) or [_default_columns(arguments)[0]]
+    outputs = _columns(arguments.output) or [_default_columns(arguments)[1]]
     times = None if arguments.time is None else _columns([arguments.time])[0]
     data = IOData.from_csv(
         arguments.record,
@@ -208,12 +207,13 @@ def _rows(given: str, samples: int) -> tuple[int, int]:
 
 
 def _columns(given: list[str] | None) -> list[str | int]:
-    return [int(text) if text.isdigit() else text for text in given or []]
+    return [int(text) if text.isdecimal() else text for text in given or []]
 
 
-def _default_columns(path: str) -> tuple[str | int, str | int]:
+def _default_columns(arguments: argparse.Namespace) -> tuple[str | int, str | int]:
     """Take u and y where the first line holds names, else the first two columns."""
-    return ("u", "y") if has_names(path) else (0, 1)
+    named = has_names(arguments.record, arguments.decimal, arguments.header)
+    return ("u", "y") if named else (0, 1)
 
 
 def _parts(

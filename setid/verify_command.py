@@ -115,7 +115,9 @@ def _read(path: str) -> Identification:
 def _record(path: str, stored: IOData, decimal: str, header: int | None) -> IOData:
     """Read a table with the channels and the sampling time of a stored record."""
     names = [*stored.input_names, *stored.output_names]
-    columns: list[str | int] = [*names] if has_names(path) else [*range(len(names))]
+    columns: list[str | int] = (
+        [*names] if has_names(path, decimal, header) else [*range(len(names))]
+    )
     nu = stored.inputs
     return IOData.from_csv(
         path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal, header=header

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import json
 import math
 import os
@@ -67,6 +68,7 @@ EXIT_INPUT = 2
 EXIT_MISSING = 3
 EXIT_OUTPUT = 5
 EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # of a standard output
 
 _CODES = """exit codes:
   0  the answer is proved: the gap is closed, or the problem is infeasible or unbounded
@@ -139,6 +141,10 @@ def run_commands(
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_OUTPUT
     except wrong as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _FULL:
+            print(f"{program}: standard output: cannot be written: {error}", file=sys.stderr)
+            _discard_output()
+            return EXIT_OUTPUT
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_INPUT
     except SolverNotFound as error:

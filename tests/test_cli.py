@@ -14,7 +14,15 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py import plots
-from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PIPE, EXIT_PROVED, main
+from sparsepop_py.cli import (
+    EXIT_INPUT,
+    EXIT_MISSING,
+    EXIT_OPEN,
+    EXIT_OUTPUT,
+    EXIT_PIPE,
+    EXIT_PROVED,
+    main,
+)
 from sparsepop_py.errors import SolverNotFound
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -285,6 +293,18 @@ def test_a_broken_pipe_is_silent() -> None:
     )
     os.close(writer)
     assert (found.stderr, found.returncode) == (b"", EXIT_PIPE)
+
+
+@pytest.mark.skipif(not pathlib.Path("/dev/full").exists(), reason="there is no full device")
+def test_a_full_standard_output_is_no_wrong_input() -> None:
+    words = [sys.executable, "-m", "sparsepop_py.cli", "info", "-"]
+    with open("/dev/full", "wb") as full:
+        found = subprocess.run(
+            words, stdout=full, stderr=subprocess.PIPE, input=b"min x^2", cwd=ROOT, check=False
+        )
+    assert found.returncode == EXIT_OUTPUT
+    assert found.stderr.startswith(b"sparsepop: standard output: cannot be written")
+    assert len(found.stderr.splitlines()) == 1
 
 
 def test_completion(tmp_path: pathlib.Path) -> None:

@@ -21,6 +21,7 @@ from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
 from setid.formulation.formulation import formulate
+from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
@@ -297,6 +298,12 @@ def _saturated(data: IOData) -> dict[str, tuple[float | None, float | None]]:
     return found
 
 
+def _last(data: IOData, name: str) -> float:
+    """The last reading of an output."""
+    values = data.y[:, data.output_names.index(name)]
+    return float(values[~np.isnan(values)][-1])
+
+
 def _runs(values: Reals) -> list[tuple[float, int]]:
     """Values with the lengths of their runs."""
     edges = np.flatnonzero(np.diff(values) != 0) + 1
@@ -346,7 +353,10 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
     lines += _on_noise(found, count, own)
     for name, ends in found.saturation.items():
         shown = " and ".join(f"{end:g}" for end in ends if end is not None)
-        lines.append(f"{name} sticks at {shown}: saturation; use a smaller step or another range")
+        cause = "saturation; use a smaller step or another range"
+        if name in found.quantisation and _last(found.record, name) in ends:
+            cause = f"it settles there within a step of its quantisation, or {cause}"
+        lines.append(f"{name} sticks at {shown}: {cause}")
     for name, step in found.quantisation.items():
         lines.append(
             f"{name} is quantised in steps of {step:g}: at least {step / 2:g} of its noise bound "
@@ -365,10 +375,11 @@ def _on_noise(found: Advice, count: int, own: bool) -> list[str]:
     if found.noise_bound is None:
         return ["no part of the record is at rest: record the outputs with zero input"]
     where = "at rest" if own else "of this record where it is at rest"
+    share = rounded(100 * found.coverage, False, 4)
     return [
         f"noise bound {found.noise_bound} from {count} samples {where}: with 95 % confidence at "
-        f"least {100 * found.coverage:.4g} % of noise samples lie within the range seen, if they "
-        "are independent; take a margin"
+        f"least {share} % of noise samples lie within the range seen, if they are independent; "
+        "take a margin"
     ]
 
 

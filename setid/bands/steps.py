@@ -14,6 +14,7 @@ from setid.data.checks import frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.formulation.printing import rounded
 from setid.models.equations import Structure
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow
@@ -85,7 +86,8 @@ class StepBand:
         if self.report is not None:
             lines.append(self.report.text)
         if np.all(np.isfinite(self.later)):
-            lines.append("after the last sample  [{:.5g}, {:.5g}]".format(*self.later))
+            low, high = rounded(self.later[0], False, 5), rounded(self.later[1], True, 5)
+            lines.append(f"after the last sample  [{low}, {high}]")
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:

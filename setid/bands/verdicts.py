@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.formulation.printing import rounded
+
 __all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
 
 Kind = Literal["proved", "sampled"]
@@ -64,9 +66,10 @@ class BandReport:
     @property
     def text(self) -> str:
         """One sentence for people."""
+        ratio = rounded(self.ratio, True, 3)
         size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
         if self.verdict == "tight":
-            text = f"proved width at most {self.ratio:.3g} times the attained one ({size})"
+            text = f"proved width at most {ratio} times the attained one ({size})"
             if self.ratio > _EXPLAINED:
                 text += (
                     "; it follows what is proved of the parameters, which is wide beside the "
@@ -74,9 +77,7 @@ class BandReport:
                 )
             return text
         if self.verdict == "wide":
-            text = (
-                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one"
-            )
+            text = f"time is over at a proved width of up to {ratio} times the attained one"
             if self.pole_radius > 1.0:
                 text += f"; a member is unstable, with a pole of radius {self.pole_radius:.6g}"
             return f"{text} ({size}); a larger time_limit narrows it"

@@ -16,6 +16,7 @@ from setid.control.engine import SetidError
 from setid.control.loops import loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
 from setid.control.specification import SpecifiedModel
+from setid.formulation.printing import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,9 +85,10 @@ def report(
     if certified is not None:
         margins = loop_margins(certified)
         text = (
-            f"max abs(S) <= {margins.sensitivity:.4g}\n"
-            f"gain may change by factors from {margins.gain[0]:.4g} to {margins.gain[1]:.4g}\n"
-            f"phase may turn by {margins.phase:.4g} rad"
+            f"max abs(S) <= {rounded(margins.sensitivity, True, 4)}\n"
+            f"gain may change by factors from {rounded(margins.gain[0], True, 4)} to "
+            f"{rounded(margins.gain[1], False, 4)}\n"
+            f"phase may turn by {rounded(margins.phase, False, 4)} rad"
         )
         parts.append(f"<h2>Margins of every consistent plant, proved</h2>{_text(text)}")
         parts.append(_picture(plot_loop_step(loop_step(certified))))

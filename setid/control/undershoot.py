@@ -24,6 +24,8 @@ from setid.control.engine import (
     frozen,
     real_array,
 )
+from setid.data.checks import all_digits
+from setid.formulation.printing import rounded
 
 __all__ = ["Undershoot", "undershoot"]
 
@@ -99,7 +101,8 @@ class Undershoot:
         return Verification(wrong_claim is None, wrong_claim or "")
 
     def __repr__(self) -> str:
-        zeros = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in self.zeros) or "none proved"
+        ends = [(rounded(a, False, 4), rounded(b, True, 4)) for a, b in self.zeros]
+        zeros = ", ".join(f"[{a}, {b}]" for a, b in ends) or "none proved"
         return f"<Undershoot: {self.verdict}, zeros z > 1: {zeros}>"
 
 
@@ -150,7 +153,8 @@ def undershoot(
         *texts,
         "the plant is linear, stable and at rest before the step",
         "each noise sample lies within its bound",
-        f"after the record the noise-free output stays within [{ends[0]:.6g}, {ends[1]:.6g}]",
+        "after the record the noise-free output stays within "
+        f"[{all_digits(ends[0])}, {all_digits(ends[1])}]",
     )
     verdict, depth, sample = _conclude(low, high)
     zeros, free = _zeros(low, high, ends)

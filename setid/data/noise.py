@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import entries_of, frozen, number, real_array, switch, word
+from setid.data.checks import all_digits, entries_of, frozen, number, real_array, switch, word
 from setid.data.record import IOData
 from setid.errors import NoiseError
 
@@ -335,7 +335,7 @@ def estimate_noise_bound(
     read = int(np.min(np.count_nonzero(~np.isnan(record.y), axis=0)))
     centre = (low + high) / 2 if offset else np.zeros_like(low)
     value = factor * np.maximum(high - centre, centre - low)
-    text = ", ".join(f"{v:g}" for v in value)
+    text = ", ".join(all_digits(v) for v in value)
     return EstimatedBound(
         frozen(value),
         frozen(centre),

@@ -84,13 +84,13 @@ def read_table(
         samples, a first line that is half names and half numbers.
     """
     word(decimal, "decimal", (".", ","), DataError)
-    lines = _lines(path)
+    lines = _lines(path, decimal)
     begin = next((k for k, (_, line) in enumerate(lines) if not _is_comment(line)), len(lines))
-    while lines and not lines[-1][1]:
-        lines.pop()
     if begin >= len(lines):
         raise DataError(f"{path}: found no lines, expected a table of numbers")
     separator = _separator(lines[begin][1], decimal)
+    while not lines[-1][1]:
+        lines.pop()
     rows = [(number, _fields(path, number, line, separator)) for number, line in lines[begin:]]
     width = len(rows[0][1])
     names_at = _header_lines(path, rows[0], decimal, header)
@@ -114,38 +114,41 @@ def read_table(
     return Table([values[:, k].copy() for k in range(len(places))], skipped, distinct, units)
 
 
-def has_names(path: PathLike) -> bool:
+def has_names(path: PathLike, decimal: str = ".", header: int | None = None) -> bool:
     """Tell whether the first line of a table holds names.
 
     Parameters
     ----------
-    path : path-like
+    path, decimal, header
+        As of :func:`read_table`.
 
     Raises
     ------
     DataError
         If there is no table, or its first line is half names and half numbers.
     """
-    return isinstance(column_names(path)[0], str)
+    return isinstance(column_names(path, decimal, header)[0], str)
 
 
-def column_names(path: PathLike) -> list[str | int]:
+def column_names(path: PathLike, decimal: str = ".", header: int | None = None) -> list[str | int]:
     """List the columns of a table by their names, or by numbers from 0 where there are none.
 
     Parameters
     ----------
-    path : path-like
+    path, decimal, header
+        As of :func:`read_table`.
 
     Raises
     ------
     DataError
         If there is no table, or its first line is half names and half numbers.
     """
-    line = next(((n, line) for n, line in _lines(path) if not _is_comment(line)), None)
+    lines = _lines(path, decimal)
+    line = next(((n, line) for n, line in lines if not _is_comment(line)), None)
     if line is None:
         raise DataError(f"{path}: found no lines, expected a table of numbers")
-    fields = _fields(path, *line, _separator(line[1], "."))
-    if _header_lines(path, (line[0], fields), ".", None):
+    fields = _fields(path, *line, _separator(line[1], decimal))
+    if _header_lines(path, (line[0], fields), decimal, header):
         return [field.strip() for field in fields]
     return list(range(len(fields)))
 
@@ -153,8 +156,11 @@ def column_names(path: PathLike) -> list[str | int]:
 # ---- lines and fields -------------------------------------------------------------------
 
 
-def _lines(path: PathLike) -> list[tuple[int, str]]:
-    """Numbered lines without the blanks around them; only line feeds and returns end lines."""
+def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
+    """Numbered lines without the blanks around them; only line feeds and returns end lines.
+
+    Tabs that separate fields stay, since a missing first or last field is empty.
+    """
     if not isinstance(path, (str, os.PathLike)):
         raise DataError(f"path: found {path!r:.60}, expected the name of a file")
     try:
@@ -167,11 +173,13 @@ def _lines(path: PathLike) -> list[tuple[int, str]]:
             "expected a table of numbers"
         ) from None
     lines = re.split(r"\r\n|\n|\r", text)
-    return [(number, line.strip(" \t")) for number, line in enumerate(lines, 1)]
+    first = next((line for line in lines if not _is_comment(line)), "")
+    blanks = " " if _separator(first.strip(" "), decimal) == "\t" else " \t"
+    return [(number, line.strip(blanks)) for number, line in enumerate(lines, 1)]
 
 
 def _is_comment(line: str) -> bool:
-    return not line or line.startswith(_MARKS)
+    return not line.strip(" \t") or line.lstrip(" \t").startswith(_MARKS)
 
 
 def _separator(line: str, decimal: str) -> str | None:

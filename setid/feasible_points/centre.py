@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from math import inf
 
 import numpy as np
@@ -15,6 +16,7 @@ from setid.feasible_points.members import ROUNDING, noise_level
 from setid.feasible_points.witness import consistent
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
+from setid.formulation.printing import rounded
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
 
@@ -66,9 +68,22 @@ class Central:
     member: bool | None
 
     def __str__(self) -> str:
-        pairs = zip(self.names, self.theta, self.error, strict=True)
-        text = ", ".join(f"{name} = {t:.6g} +- {e:.3g}" for name, t, e in pairs)
+        pairs = zip(self.names, self.theta.tolist(), self.error.tolist(), strict=True)
+        text = ", ".join(f"{name} = {_about(t, e)}" for name, t, e in pairs)
         return f"{text} (errors proved; {_MEMBERSHIP[self.member]})"
+
+
+def _about(value: float, error: float) -> str:
+    """Write a value and its error, which holds of the digits shown."""
+    if not error < inf:
+        return f"{value:.6g} +- inf"
+    for digits in range(6, 18):
+        text = f"{value:.{digits}g}"
+        moved = abs(Fraction(text) - Fraction(value))
+        if moved <= Fraction(error) / 100:
+            break
+    shown = float(np.nextafter(float(Fraction(error) + moved), inf))
+    return f"{text} +- {rounded(shown, True, 3)}"
 
 
 _MEMBERSHIP = {

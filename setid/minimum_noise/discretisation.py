@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, number
+from setid.data.checks import all_digits, frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.printing import rounded
 from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
 from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
@@ -193,8 +194,8 @@ def estimate_delta(
         low, value = _least(stated(limit), limit, x, settings, until)
     value = float(np.nextafter(value * factor, inf)) if value > 0.0 else 0.0
     text = (
-        f"discretisation error: at most delta = {value:.6g}, the least one that was found "
-        f"consistent with the data (proved: none below {low:.6g} is)"
+        f"discretisation error: at most delta = {all_digits(value)}, the least one that was found "
+        f"consistent with the data (proved: none below {rounded(low, False, 6)} is)"
         + (f", times {factor:g}" if factor > 1.0 else "")
         + "; the true error may be larger"
     )

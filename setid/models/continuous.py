@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import natural, number, switch, word
+from setid.data.checks import all_digits, natural, number, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from setid.models.html import InNotebook
@@ -254,7 +254,7 @@ class ContinuousTransferFunction(InNotebook):
         how = "Tustin's rule" if self.method == "tustin" else f"lambda filters, tau = {self.tau:g}"
         return (
             f"between samples inputs are {held}; the recursion of {how} differs from the sampled "
-            f"output by at most delta = {delta:.6g}"
+            f"output by at most delta = {all_digits(delta)}"
         )
 
     # ---- rows ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from setid.errors import ModelError
+from setid.formulation.printing import rounded
 from setid.models.block import BlockStructured
 from setid.plots.axes import ink, new_axes, require_matplotlib
 
@@ -154,7 +155,7 @@ def _value(model: BlockStructured, result: FeasibleSet | None, name: str) -> str
     if result is None or name not in result.intervals:
         return name
     low, high = result.intervals[name].outer
-    return f"{name} in [{low:.4g}, {high:.4g}]"
+    return f"{name} in [{rounded(low, False, 4)}, {rounded(high, True, 4)}]"
 
 
 def _columns(elements: dict[str, Element]) -> dict[str, int]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from setid.formulation.printing import rounded
 from setid.plots.axes import ATTAINED, PROVED, new_axes
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ def plot_intervals(result: FeasibleSet, ax: Axes | None = None) -> Axes:
     for place, interval in enumerate(intervals):
         low, high = interval.outer
         mark = "" if _by_centre(interval.centre, interval.width) else " *"
-        labels.append(f"{interval.name} in [{low:.5g}, {high:.5g}]{mark}")
+        shown = f"[{rounded(low, False, 5)}, {rounded(high, True, 5)}]"
+        labels.append(f"{interval.name} in {shown}{mark}")
         if not np.isfinite(interval.centre):
             axes.text(0.0, place, str(interval.status), ha="center", va="center")
             continue

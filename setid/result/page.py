@@ -19,6 +19,7 @@ from setid.bands.outputs import Mode, compare
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
+from setid.data.checks import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent
@@ -277,7 +278,7 @@ def _noise(result: Identification) -> str:
 
 def _range(bound: Any) -> str:
     low, high = float(np.min(bound)), float(np.max(bound))
-    return f"{high:g}" if low == high else f"{low:g} to {high:g}"
+    return all_digits(high) if low == high else f"{all_digits(low)} to {all_digits(high)}"
 
 
 def _structure(result: Identification) -> Part:

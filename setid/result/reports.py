@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+import sparsepop_py as sp
 from setid.data.record import IOData
 from setid.feasible_points.centre import central
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -31,7 +32,7 @@ __all__ = [
 ]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
-_NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
+_NEAR = 1e-6  # closer than this share of a bound counts as at it
 _WIDE = 0.3  # relative half width from which an interval is called wide
 
 
@@ -131,10 +132,10 @@ def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
     formulation, found = result.formulation, []
     problem, rows, data = formulation.problem, formulation.rows, formulation.data
     band = np.flatnonzero((rows.sample > 0) & ~problem.equality)
-    constant = np.array([problem.constraints[i].polynomial.constant_term for i in band])
+    near = _near_bound(formulation, band)
     for x in result.witnesses:
         values = problem.rows.values(x)[band]
-        for row in band[np.abs(values) <= _NEAR * (np.abs(constant) + 1e-300)].tolist():
+        for row in band[np.abs(values) <= near].tolist():
             found.append((int(rows.record[row]), int(rows.sample[row]) - 1, _KINDS["e"]))
         for group, kind in _KINDS.items():
             numbers = formulation.layout.group(group)
@@ -147,6 +148,18 @@ def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
     return found
 
 
+def _near_bound(formulation: Formulation, band: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Distance from the bound of an equation error below which it counts as at it, for each row."""
+    rows, constraints = formulation.rows, formulation.problem.constraints
+    constant = np.array([constraints[i].polynomial.constant_term for i in band], float)
+    pairs = [(rows.record[i], rows.sample[i], rows.equation[i]) for i in band]
+    number = {pair: place for place, pair in enumerate(dict.fromkeys(pairs))}
+    place = np.array([number[pair] for pair in pairs], int)
+    width = np.bincount(place, constant)  # the two rows of an error differ in sign but for it
+    rounding = 16.0 * np.finfo(float).eps * np.abs(constant) + 1e-300
+    return 0.5 * _NEAR * np.abs(width[place]) + rounding
+
+
 def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -> dict[str, bool]:
     """Tell for each prior whether it holds with equality at some of the points."""
     problem, layout = formulation.problem, formulation.layout
@@ -154,17 +167,26 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
     found: dict[str, bool] = {}
     for place, prior in enumerate(formulation.priors):
         rows = [r for r in formulation.rows.of_prior(place) if not problem.equality[r]]
-        sizes = [np.abs(problem.constraints[r].polynomial.coefficients).sum() for r in rows]
         tight = any(
-            v[r] <= _NEAR * size for v in values for r, size in zip(rows, sizes, strict=True)
+            v[r] <= _NEAR * _size(problem.constraints[r].polynomial, x)
+            for x, v in zip(points, values, strict=True)
+            for r in rows
         )
         ends = {**prior.bounds(formulation.model), **prior.unknowns(formulation.model)}
         for name, (low, high) in ends.items():
-            unit = _NEAR * max(1.0, *(abs(end) for end in (low, high) if np.isfinite(end)), 0.0)
             x = np.array([point[layout.index(name)] for point in points])
-            tight = tight or bool(np.any((x <= low + unit) | (x >= high - unit)))
+            most = float(np.max(np.abs(x), initial=0.0))
+            unit = [_NEAR * (max(abs(e), most) if np.isfinite(e) else 0.0) for e in (low, high)]
+            tight = tight or bool(np.any((x <= low + unit[0]) | (x >= high - unit[1])))
         found[prior.describe()] = found.get(prior.describe(), False) or tight
     return found
+
+
+def _size(polynomial: sp.Polynomial, x: NDArray[np.float64]) -> float:
+    """Sum of the sizes of a polynomial's terms at a point: its scale there."""
+    used = polynomial.support
+    powers = polynomial.exponents[:, used].toarray()
+    return float(np.abs(polynomial.coefficients) @ np.prod(np.abs(x[used]) ** powers, axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -68,6 +68,8 @@ class _Job:
 
     def _ended(self) -> dict[str, Any]:
         self.end = self.end or time.monotonic()
+        if self.future.cancelled():  # stopped before it began
+            return {"state": "stopped"}
         error = self.future.exception()
         if error is None:
             return {"state": "done", **self.future.result()}

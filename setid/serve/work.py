@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,7 @@ def _columns(given: Mapping[str, Any], field: str) -> list[str | int]:
 def _number(given: Mapping[str, Any], field: str, default: float, above: float) -> float:
     found = given.get(field, default)
     right = isinstance(found, (int, float)) and not isinstance(found, bool)
-    if not right or not above < found < np.inf:
+    if not right or not above < found <= sys.float_info.max:
         raise SetidError(f"{field}: found {found!r:.80}, expected a number above {above:g}")
     return float(found)
 

@@ -14,6 +14,7 @@ from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove
 from sparsepop_py.verified.certificate.rational_bound import RangeProof
@@ -178,7 +179,8 @@ def _by_relaxations(
                 break
     raise DenominatorError(
         f"denominator {q}: its sign is not proved where the polynomial constraints and bounds "
-        f"hold, only {low:.12g} <= q <= {high:.12g}"
+        f"hold, only {rounded(low, False, 12, scientific=False)} <= q <= "
+        f"{rounded(high, True, 12, scientific=False)}"
         + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
         + "; expected bounds or constraints that keep it away from zero"
         + (", or a longer time limit" if not seen and options.time_limit is not None else "")

@@ -141,7 +141,9 @@ class RationalResult:
             :8
         ]:
             least = proof.below.bound
-            side = f">= {least:.12g}" if proof.sign > 0 else f"<= {-least:.12g}"
+            up = proof.sign < 0
+            end = rounded(-least if up else least, up, 12, scientific=False)
+            side = f"<= {end}" if up else f">= {end}"
             lines.append(f"denominator   {str(q)[:60]} {side}  proved")
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
 

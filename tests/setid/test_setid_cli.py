@@ -244,3 +244,39 @@ def test_times_and_a_second_line_of_headers(
     path.write_text("t;valve;level\ns;V;mm\n" + "\n".join([*lines[:1], *lines[2:]]) + "\n")
     assert main([*call, "--header", "2"]) == 2
     assert "found an interval" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("4;0\n-3;-6,25\n2;1,175\n1;2,0875\n", ["--decimal", ","]),
+        ("4;0,0\n-3;-6,25\n2;1,175\n1;2,0875\n", ["--decimal", ",", "--input", "0"]),
+        ("2021,u,y\n0,4,0\n0,-3,-6.25\n0,2,1.175\n0,1,2.0875\n", ["--header", "1"]),
+    ],
+)
+def test_columns_are_found_with_the_decimal_mark_and_the_header_that_are_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: list[str]
+) -> None:
+    path, proof = tmp_path / "record.csv", tmp_path / "proof.json"
+    path.write_text(text)
+    noise = ["--equation-noise", "0.5", "--certificate", str(proof)]
+    assert main(["identify", str(path), *words, *FIRST, *noise]) == cli.EXIT_PROVED
+    assert "-0.5232" in capsys.readouterr().out
+    if "--input" not in words:
+        assert main(["verify", str(proof), "--record", str(path), *words]) == 0
+
+
+def test_a_superscript_is_no_number_of_a_column(
+    record: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", record, *FIRST, "--output-noise", "1", "--input", "\u00b2"]) == 2
+    assert "found no single column '\u00b2'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "status", "export"])
+def test_a_study_that_is_not_there_is_wrong_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    more = [str(tmp_path / "table.csv")] if command == "export" else []
+    assert main(["study", command, str(tmp_path / "no.study"), *more]) == cli.EXIT_INPUT
+    assert "no such file" in capsys.readouterr().err

@@ -38,6 +38,7 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
+from setid.formulation.printing import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -316,6 +317,12 @@ def _known(K: Any, M: Any, Ts: float, snap: float) -> tuple[Transfer, Transfer, 
     return controller, reference, tuple(texts)
 
 
+def _largest(outcome: Outcome) -> str:
+    """Write the largest bound of all arcs, rounded upwards."""
+    bound = max((b for *_, b in outcome.arcs), default=0.0)
+    return f"max abs(Delta) <= {rounded(bound * _ROOM, True, 4)}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
     """The parts of one question, and the stages of its answer.
@@ -482,11 +489,10 @@ class Question:
         if not outcome.proved:
             return first, second, third
         how = "assumed (margin)" if self.margin is not None else "proved"
-        bound = max((b for *_, b in outcome.arcs), default=0.0)
         return (
             first,
             Condition(second.name, True, f"{second.text}; P is stable, {how}"),
-            Condition(third.name, True, f"max abs(Delta) <= {bound:.4g} on the whole circle"),
+            Condition(third.name, True, f"{_largest(outcome)} on the whole circle"),
         )
 
     def _assumptions(self) -> tuple[str, ...]:
@@ -508,8 +514,7 @@ class Question:
         """State what a proof over all cells says."""
         if self.method == "characteristic":
             return f"every closed loop is stable ({outcome.cells} cells)"
-        bound = max((b for *_, b in outcome.arcs), default=0.0)
-        return f"max abs(Delta) <= {bound:.4g} for every consistent plant"
+        return f"{_largest(outcome)} for every consistent plant"
 
     def fits(self, answer: StabilityCertificate) -> bool:
         """Check that an answer says in words what its numbers say, and keeps all assumptions.

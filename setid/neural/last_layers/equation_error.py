@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
+from setid.formulation.printing import rounded
 from setid.neural.arithmetic import Interval, at_least, nowhere_above, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
@@ -79,7 +80,8 @@ class EquationError:
 
     def __repr__(self) -> str:
         ends = ", ".join(
-            f"[{a:.6g}, {b:.6g}]" for a, b in zip(self.lower_bound, self.upper_bound, strict=True)
+            f"[{rounded(a, False, 6)}, {rounded(b, True, 6)}]"
+            for a, b in zip(self.lower_bound.tolist(), self.upper_bound.tolist(), strict=True)
         )
         return f"<EquationError: least bound in {ends}, {self.row.size} rows, {self.status}>"
 

@@ -35,7 +35,7 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping, natural, number
+from setid.data.checks import FrozenMapping, all_digits, natural, number
 from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
@@ -323,7 +323,7 @@ def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise
     least = np.array([max(least_factor(p)[0], 1e-12 * np.max(np.abs(p.target))) for p in parts])
     bound = least * factor
     text = f"equation error: {factor:g} times the least that explains this record, " + ", ".join(
-        f"{b:.4g}" for b in bound
+        all_digits(b) for b in bound
     )
     return Noise(equation=bound if bound.size > 1 else float(bound[0])), text
 

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import natural, number
+from setid.formulation.printing import rounded
 from setid.neural.arithmetic import (
     Interval,
     LinearModel,
@@ -92,7 +93,7 @@ class OutputError:
         )
 
     def __repr__(self) -> str:
-        ends = f"[{self.lower_bound:.6g}, {self.upper_bound:.6g}]"
+        ends = f"[{rounded(self.lower_bound, False, 6)}, {rounded(self.upper_bound, True, 6)}]"
         return f"<OutputError: least bound in {ends}, {self.nodes} nodes, {self.status}>"
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
+from setid.formulation.printing import rounded
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
 
@@ -68,7 +69,8 @@ class Envelope:
 
     def __repr__(self) -> str:
         pieces, degree = len(self.centres), self.coefficients.shape[1] - 1
-        return f"<Envelope: {self.name} within {self.eps:.3g}, {pieces} pieces, degree {degree}>"
+        eps = rounded(self.eps, True, 3)
+        return f"<Envelope: {self.name} within {eps}, {pieces} pieces, degree {degree}>"
 
 
 def envelope(

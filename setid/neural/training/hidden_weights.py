@@ -32,7 +32,7 @@ from setid import (
     ParameterInterval,
     Verification,
 )
-from setid.data.checks import FrozenMapping, frozen, number, switch
+from setid.data.checks import FrozenMapping, all_digits, frozen, number, switch
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
@@ -216,8 +216,8 @@ def hidden_weights(
     given = noise.assumptions if isinstance(noise, Noise) else ()
     texts = (
         *data.assumptions, *given,
-        f"the equation error of each row is at most {task.bound:g}",
-        f"normalised hidden weights and biases are at most {weights:g} in absolute value",
+        f"the equation error of each row is at most {all_digits(task.bound)}",
+        f"normalised hidden weights and biases are at most {all_digits(weights)} in absolute value",
         "output weights are normalised to +-1, neurons of equal sign ordered by their first weight",
     )  # fmt: skip
     return HiddenWeights(

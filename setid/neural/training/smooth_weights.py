@@ -20,7 +20,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, all_digits, frozen
+from setid.formulation.printing import rounded
 from setid.neural.arithmetic import Interval, LinearModel, down, up
 from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of
@@ -131,7 +132,7 @@ class SmoothHiddenWeights:
         name = self.net.network.activation[0]
         return (
             f"<SmoothHiddenWeights: {len(self.intervals)} parameters, {self.status}, "
-            f"{name} within {self.eps:.2g}: {items}, ...>"
+            f"{name} within {rounded(self.eps, True, 2)}: {items}, ...>"
         )
 
 
@@ -150,10 +151,12 @@ def smooth_hidden_weights(
     name = net.network.activation[0]
     texts = (
         *data.assumptions,
-        f"the equation error of each row is at most {bound:g}",
-        f"hidden weights and biases, and output weights, are at most {weights:g} in absolute value",
+        f"the equation error of each row is at most {all_digits(bound)}",
+        "hidden weights and biases, and output weights, are at most "
+        f"{all_digits(weights)} in absolute value",
         "output weights are normalised to v >= 0, neurons ordered by their first weight",
-        f"{name} within {eps:.3g} of the lines that stand for it, which every row allows for",
+        f"{name} within {rounded(eps, True, 3)} of the lines that stand for it, which every row "
+        "allows for",
     )
     return SmoothHiddenWeights(
         net, data, bound, weights, eps, status, steps, frozen(members), FrozenMapping(intervals),

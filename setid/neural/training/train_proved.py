@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, word
+from setid.formulation.printing import rounded
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
@@ -112,7 +113,7 @@ class ProvedTraining:
         return agreed((self.lower_bound <= least, "the lower bound is not proved"))
 
     def __repr__(self) -> str:
-        ends = f"[{self.lower_bound:.6g}, {self.upper_bound:.6g}]"
+        ends = f"[{rounded(self.lower_bound, False, 6)}, {rounded(self.upper_bound, True, 6)}]"
         return f"<ProvedTraining: least error in {ends}, {self.nodes} nodes, {self.status}>"
 
 

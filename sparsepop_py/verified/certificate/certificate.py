@@ -30,6 +30,7 @@ from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
+from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -473,7 +474,8 @@ class Certificate:
         return f"<{self}>"
 
     def __str__(self) -> str:
-        claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
+        least = rounded(self.bound, False, 12, scientific=False)
+        claim = "no feasible point" if self.bound == np.inf else f"objective >= {least}"
         steps = sum(len(node.box.steps) for node in self.root)
         words = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]
         if self.leaves > 1:

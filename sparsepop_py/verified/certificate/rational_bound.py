@@ -26,6 +26,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
+from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 
@@ -277,6 +278,7 @@ class RationalCertificate:
         return f"<{self}>"
 
     def __str__(self) -> str:
-        claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
+        least = rounded(self.bound, False, 12, scientific=False)
+        claim = "no feasible point" if self.bound == np.inf else f"objective >= {least}"
         how = "reciprocals as variables" if self.level is None else f"level {self.level:.12g}"
         return f"certificate: {claim}, {len(self.ranges)} signs of denominators, {how}"

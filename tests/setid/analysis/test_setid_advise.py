@@ -153,3 +153,12 @@ def test_inputs_that_go_on_changing_are_no_step() -> None:
     jitter = 0.01 * np.random.default_rng(1).uniform(-1, 1, 1200)
     slightly = setid.IOData(step().u[:, 0] + jitter, step().y, TS)
     assert setid.advise(slightly).settling_time == setid.advise(step()).settling_time
+
+
+def test_a_quantised_output_that_settles_need_not_be_saturated() -> None:
+    u = np.append(np.zeros(20), np.ones(180))
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u).ravel()
+    rounded = setid.advise(setid.IOData(u, np.round(y / 0.05) * 0.05, 0.01))
+    assert rounded.saturation and "sticks at 1: it settles there within a step" in rounded.text
+    cut = setid.advise(setid.IOData(u, np.minimum(y, 0.8), 0.01))
+    assert "sticks at 0.8: saturation; use a smaller step" in cut.text

@@ -16,12 +16,13 @@ from setid.plots.axes import clip
 
 
 def report(verdict: str, **other: float) -> BandReport:
-    base = BandReport("tight", 9, 5, 0, 1.1, 0.9, 0.25)
+    base = BandReport("tight", 9, 5, 0, 1.25, 0.9, 0.25)
     return replace(base, verdict=verdict, **other)  # type: ignore[arg-type]
 
 
 def test_reports_say_why_a_band_is_wide_or_infinite() -> None:
-    assert "at most 1.1 times the attained one (5 of 9 cells" in report("tight").text
+    assert "at most 1.25 times the attained one (5 of 9 cells" in report("tight").text
+    assert "at most 1.13 times" in report("tight", ratio=1.12001).text
     assert "more time for identify" not in report("tight").text
     assert "more time for identify" in report("tight", ratio=28.0).text
     assert "time is over" in report("wide", ratio=4.0).text

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import setid
-from setid.data.tables import has_names, read_table
+from setid.data.tables import column_names, has_names, read_table
 
 ERRORS = ("#N/A", "#DIV/0!", "#VALUE!", "#REF!", "#NUM!", "#NAME?", "#NULL!")
 
@@ -152,3 +152,34 @@ def test_names_are_told_from_numbers(tmp_path: Path, text: str, named: bool) -> 
 def test_only_line_feeds_and_returns_end_a_line(tmp_path: Path, breaks: str) -> None:
     with pytest.raises(setid.DataError, match="line 2"):
         setid.IOData.from_csv(written(tmp_path, f"u,y\n1,2{breaks}3,4\n"), "u", "y")
+
+
+def test_empty_fields_at_the_ends_of_tabbed_lines_are_missing_samples(tmp_path: Path) -> None:
+    data = setid.IOData.from_csv(written(tmp_path, "u\ty\n1\t2\n3\t\n\t6\n\t\n"), "u", "y")
+    np.testing.assert_array_equal(data.u.ravel(), [1, 3, np.nan, np.nan])
+    np.testing.assert_array_equal(data.y.ravel(), [2, np.nan, 6, np.nan])
+
+
+def test_an_empty_first_column_between_tabs_keeps_its_number(tmp_path: Path) -> None:
+    data = setid.IOData.from_csv(written(tmp_path, "\t1\t2\t9\n\t3\t4\t8\n"), 1, 2)
+    assert (data.u.ravel().tolist(), data.y.ravel().tolist()) == ([1, 3], [2, 4])
+
+
+def test_blanks_around_a_table_of_blanks_are_no_fields(tmp_path: Path) -> None:
+    path = written(tmp_path, "\t \n \t# note\nu y\n 1 2\t\n\t3 4 \n\t\n")
+    data = setid.IOData.from_csv(path, "u", "y")
+    assert (data.u.ravel().tolist(), data.y.ravel().tolist()) == ([1, 3], [2, 4])
+
+
+@pytest.mark.parametrize(
+    ("text", "decimal", "header", "names"),
+    [
+        ("0;1,5\n1;2\n", ",", None, [0, 1]),
+        ("0,5 1,5\n1 2\n", ",", None, [0, 1]),
+        ("2021,u\n1,2\n", ".", 1, ["2021", "u"]),
+    ],
+)
+def test_columns_are_listed_as_the_table_is_read(
+    tmp_path: Path, text: str, decimal: str, header: int | None, names: list[str | int]
+) -> None:
+    assert column_names(written(tmp_path, text), decimal, header) == names

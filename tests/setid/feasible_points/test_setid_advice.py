@@ -113,3 +113,48 @@ def test_a_centre_that_is_not_consistent_says_so() -> None:
     centre = result.centre
     assert centre.member is (centre.level <= 1.0)
     assert ("proved not to be consistent" in str(centre)) is not centre.member
+
+
+def small_beside_its_readings() -> setid.Identification:
+    """Readings about 1000 and noise of 1e-4: a millionth of the one is a hundredth of the other."""
+    draw, y = np.random.default_rng(0), [1000.0]
+    u = draw.uniform(-1, 1, 20)
+    for value in u[1:]:
+        y.append(1000 + 0.5 * (y[-1] - 1000) + value + draw.uniform(-1e-4, 1e-4))
+    model = setid.TransferFunction(na=1, nb=1, offset=True)
+    return setid.identify(setid.IOData(u, y), model, setid.Noise(equation=1e-4), options=QUICK)
+
+
+def test_samples_that_bind_are_at_their_bound_however_large_readings_are() -> None:
+    result = small_beside_its_readings()
+    u, y = result.formulation.data.u.ravel(), result.formulation.data.y.ravel()
+    found: dict[int, int] = {}
+    for x in result.witnesses:
+        error = np.abs(y[1:] + x[0] * y[:-1] - x[1] * u[1:] - x[2])
+        for sample in np.flatnonzero(error > 1e-4 * (1 - 1e-5)).tolist():
+            found[sample + 1] = found.get(sample + 1, 0) + 1
+    assert {sample: count for _, sample, count in result.binding()} == found
+    assert max(found.values()) <= len(result.witnesses) and len(found) < 19
+    assert f"equation error {sum(found.values())} times" in result.summary()
+
+
+@pytest.mark.parametrize(
+    ("unit", "prior", "active"),
+    [
+        (1.0, setid.Box({"b0": (0, 1e7)}), False),
+        (1.0, setid.Box({"b0": (0.999, 1e7)}), True),
+        (1e-7, setid.Box({"b0": (0, 1e-6)}), False),
+        (1e-7, setid.DCGain(0, 1e-6), False),
+        (1e-7, setid.DCGain(1.99e-7, 2e-7), True),
+    ],
+)
+def test_a_prior_is_active_in_the_units_of_its_parameters(
+    unit: float, prior: setid.Box | setid.DCGain, active: bool
+) -> None:
+    draw, y = np.random.default_rng(0), [0.0]
+    u = draw.uniform(-1, 1, 20)
+    for value in u[1:]:
+        y.append(0.5 * y[-1] + unit * (value + draw.uniform(-0.01, 0.01)))
+    model, noise = setid.TransferFunction(na=1, nb=1), setid.Noise(equation=0.01 * unit)
+    result = setid.identify(setid.IOData(u, y), model, noise, [prior], options=QUICK)
+    assert list(result.active.values()) == [active]

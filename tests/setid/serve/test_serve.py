@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import setid
 from setid.cli import main
 from setid.serve import server
 from setid.serve.server import Jobs, make_app
+from sparsepop_py.executors.processes import Processes
 
 ROOT = Path(__file__).resolve().parents[3]
 CHANGE = {"X-Setid": "page"}
@@ -180,6 +182,20 @@ def test_wrong_fields_are_named(client: Any, fields: dict[str, Any], message: st
     answer = start(client, **fields)
     assert answer.status_code == 400, answer.json
     assert message in answer.json["error"]
+
+
+@pytest.mark.parametrize("field", ["Ts", "equation", "seconds"])
+def test_integers_beyond_all_doubles_are_wrong_fields(client: Any, field: str) -> None:
+    found = start(client, **{field: 10**400})
+    assert found.status_code == 400 and found.json["error"].startswith(f"{field}: found 1000")
+
+
+def test_a_job_that_is_stopped_before_it_begins_says_so(tmp_path: Path) -> None:
+    future: Future[dict[str, Any]] = Future()
+    assert future.cancel()
+    job = server._Job(tmp_path, Processes(1), future)
+    job.stop()
+    assert job.state()["state"] == "stopped"
 
 
 def test_other_hosts_and_sites_are_refused(client: Any) -> None:

@@ -1,0 +1,76 @@
+"""Numbers in sentences that call them proved: rounded outwards, assumptions not at all."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import setid
+from setid.control.certificates.cells import Outcome
+from setid.control.certificates.certificate import _largest
+from setid.data.checks import all_digits
+from setid.feasible_points.centre import Central
+from setid.plots.intervals import plot_intervals
+
+NUMBER = r"-?[0-9.]+(?:e[+-]?[0-9]+)?"
+
+
+@pytest.fixture(scope="module")
+def results() -> list[setid.Identification]:
+    found = []
+    for seed in range(6):
+        draw = np.random.default_rng(seed)
+        u = draw.uniform(-1, 1, 14)
+        model, bound = setid.TransferFunction(na=1, nb=1), 10.0 ** -draw.integers(1, 9)
+        truth = [draw.uniform(-0.9, 0.9), draw.uniform(0.5, 900)]
+        y = setid.simulate(model, truth, u).ravel() + bound * draw.uniform(-0.4, 0.4, 14)
+        found.append(setid.identify(setid.IOData(u, y), model, setid.Noise(equation=bound)))
+    return found
+
+
+def test_the_error_of_the_centre_holds_of_the_digits_shown(
+    results: list[setid.Identification],
+) -> None:
+    for result in results:
+        shown = re.findall(rf"({NUMBER}) \+- ({NUMBER})", str(result.centre))
+        for (value, error), item in zip(shown, result.intervals.values(), strict=True):
+            low, high = Fraction(value) - Fraction(error), Fraction(value) + Fraction(error)
+            assert low <= Fraction(item.outer[0]) and Fraction(item.outer[1]) <= high
+
+
+def test_an_infinite_error_is_shown_as_it_is() -> None:
+    centre = Central(("a1",), np.array([1.0]), np.array([np.inf]), 1.0, None)
+    assert str(centre).startswith("a1 = 1 +- inf")
+
+
+def test_labels_of_pictures_hold_the_intervals(results: list[setid.Identification]) -> None:
+    for result in results:
+        labels = [text.get_text() for text in plot_intervals(result).get_yticklabels()]
+        for label, item in zip(labels, result.intervals.values(), strict=True):
+            low, high = re.findall(NUMBER, label.split(" in ")[1])
+            assert Fraction(low) <= Fraction(item.outer[0])
+            assert Fraction(item.outer[1]) <= Fraction(high)
+
+
+@pytest.mark.parametrize("bound", [0.12344, 0.76041, 0.999949, 0.0, 1e-9])
+def test_the_largest_gain_is_rounded_upwards(bound: float) -> None:
+    text = _largest(Outcome(True, ((0.0, 1.0, bound), (1.0, 2.0, 0.5 * bound)), (), 1))
+    assert float(text.removeprefix("max abs(Delta) <= ")) >= bound
+
+
+@pytest.mark.parametrize("bound", [0.123456789, 1 / 3, 0.1, 12.0, 1e-300])
+def test_assumed_bounds_keep_all_their_digits(bound: float) -> None:
+    assert float(all_digits(bound)) == bound
+    text = setid.estimate_noise_bound([bound, -bound]).assumption
+    assert float(text.split()[1]) == bound
+
+
+def test_the_share_of_samples_within_a_range_is_rounded_down() -> None:
+    u, y = np.append(np.zeros(20), np.ones(180)), np.append(np.zeros(21), np.ones(179))
+    rest = np.random.default_rng(0).uniform(-1, 1, 200_000)
+    found = setid.advise(setid.IOData(u, y, Ts=0.01), rest)
+    share = float(re.findall(rf"at least ({NUMBER}) %", found.text)[0])
+    assert share <= 100 * found.coverage < 100
