@@ -174,7 +174,7 @@ def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
         ) from None
     lines = re.split(r"\r\n|\n|\r", text)
     first = next((line for line in lines if not _is_comment(line)), "")
-    blanks = " " if _separator(first.strip(" "), decimal) == "\t" else " \t"
+    blanks = " " if _separator(first.strip(" \t"), decimal) == "\t" else " \t"
     return [(number, line.strip(blanks)) for number, line in enumerate(lines, 1)]
 
 

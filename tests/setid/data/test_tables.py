@@ -165,6 +165,12 @@ def test_an_empty_first_column_between_tabs_keeps_its_number(tmp_path: Path) -> 
     assert (data.u.ravel().tolist(), data.y.ravel().tolist()) == ([1, 3], [2, 4])
 
 
+@pytest.mark.parametrize("text", ["u,y\t\n1,2\t\n3,4\n", "u y\t\n1 2\t\n3 4\n"])
+def test_tabs_behind_other_separators_are_no_fields(tmp_path: Path, text: str) -> None:
+    found = read_table(written(tmp_path, text), ["u", "y"]).columns
+    assert [column.tolist() for column in found] == [[1.0, 3.0], [2.0, 4.0]]
+
+
 def test_blanks_around_a_table_of_blanks_are_no_fields(tmp_path: Path) -> None:
     path = written(tmp_path, "\t \n \t# note\nu y\n 1 2\t\n\t3 4 \n\t\n")
     data = setid.IOData.from_csv(path, "u", "y")
