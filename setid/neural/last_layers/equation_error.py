@@ -124,7 +124,7 @@ def equation_error(net: RegressorNetwork, data: IOData) -> EquationError:
     >>> net = neural.NNARX(neural.Network([[[0.5, 1.0, 0.0]]], [[0.0]]), order=1)
     >>> found = neural.equation_error(net, setid.IOData([1, 2, 3], [10, 7.5, 6]))
     >>> found, bool(found.verify())
-    (<EquationError: least bound in [0.75, 0.75], 2 rows, proved>, True)
+    (<EquationError: least bound in [0.749999, 0.750001], 2 rows, proved>, True)
     """
     require_ieee()
     phi, row = rows_of(net, data)
