@@ -28,6 +28,7 @@ from setid.simulation.responses import frequency_response, grid, transfer_of
 __all__ = ["ControlModels", "coefficients", "to_control"]
 
 Reals = NDArray[np.float64]
+_MORE = 1.0 + 1e-14  # more than what differences, sizes and quotients are rounded by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +92,8 @@ def to_control(
         Grid of frequencies.
     kind : {"sampled", "proved"}
         Where the radius comes from: members of the feasible set, or proved regions, which
-        hold at the grid frequencies and say nothing between them.
+        hold at the grid frequencies and say nothing between them. Proved radii are about the
+        response of the nominal model as it is computed here, and rounded upwards.
     samples, seed : int
         Mixtures of attained members.
 
@@ -136,7 +138,7 @@ def to_control(
         band = frequency_band(result, frequencies, "proved")
         with np.errstate(divide="ignore", invalid="ignore"):
             around = frequency_response(model, theta, frequencies, Ts)
-            radius = np.abs(band.regions - around[:, None]).max(axis=1) / np.abs(around)
+            radius = np.abs(band.regions - around[:, None]).max(axis=1) / np.abs(around) * _MORE
         label = "proved at the grid frequencies"
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 from dataclasses import replace
+from fractions import Fraction
 
 import control
 import numpy as np
@@ -58,6 +59,19 @@ def test_proved_radii_contain_sampled_ones_and_the_truth(result: setid.Identific
     truth = frequency_response(result.formulation.model, PLANT, proved.omega, 1.0)
     g0 = proved.nominal(np.exp(1j * proved.omega))
     assert np.all(np.abs(truth / g0 - 1.0) <= proved.radius * (1 + 1e-9))
+
+
+def test_proved_radii_reach_all_corners_of_the_regions(result: setid.Identification) -> None:
+    models = to_control(result, kind="proved")
+    band = setid.frequency_band(result, models.omega, "proved")
+    theta = result.best("simulation").theta
+    around = frequency_response(result.formulation.model, theta, models.omega, 1.0)
+    for radius, middle, corners in zip(models.radius, around, band.regions, strict=True):
+        size = Fraction(middle.real) ** 2 + Fraction(middle.imag) ** 2
+        for corner in corners:
+            re, im = Fraction(corner.real) - Fraction(middle.real), Fraction(corner.imag)
+            away = re**2 + (im - Fraction(middle.imag)) ** 2
+            assert away <= Fraction(radius) ** 2 * size
 
 
 def test_several_channels() -> None:
