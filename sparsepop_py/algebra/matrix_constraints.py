@@ -265,7 +265,7 @@ class Matrices:
     def entry(
         self, constraint: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
     ) -> NDArray[np.int64]:
-        """Number the row of ``system`` in row i and column j of the matrix of each constraint."""
+        """Number the row of ``system`` at place (i, j) of each constraint."""
         return self.table[self.first[constraint] + i * self.side[constraint] + j]
 
     def layout(self, constraint: int) -> NDArray[np.int64]:

@@ -244,7 +244,7 @@ def _shallow_first(products: NDArray[np.int64], single: int) -> NDArray[np.int64
 
 
 def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
-    """List pairs i < j of variables that occur together in one monomial, shape (P, 2)."""
+    """List pairs i < j of variables that share a monomial, shape (P, 2)."""
     keys = []
     for table in words:
         row, variable, _ = monomials.runs(table)

@@ -222,7 +222,7 @@ def test_polynomial_models() -> None:
     assert result.status == "certified" and bool(result.verify())
 
 
-@pytest.mark.parametrize("share", [0.01, 0.03])
+@pytest.mark.parametrize("share", [0.01, pytest.param(0.03, marks=pytest.mark.slow)])
 def test_products_of_noisy_inputs_with_their_degree_cut(share: float) -> None:
     """y = v1 - .5 v1 v2 + .8 v1 v2 v3 with noise of a share of the largest output everywhere."""
     theta = np.array([1.0, -0.5, 0.8])
@@ -439,7 +439,13 @@ OFFSET += [
 ]
 
 
-@pytest.mark.parametrize("model", OFFSET, ids=repr)
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param(model, marks=[pytest.mark.slow] if place == 3 else [], id=repr(model))
+        for place, model in enumerate(OFFSET)
+    ],
+)
 def test_an_offset_beside_partial_outputs_is_that_of_the_output(
     model: setid.TransferFunction,
 ) -> None:

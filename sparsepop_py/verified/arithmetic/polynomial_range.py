@@ -292,7 +292,7 @@ def _enclosed(whole: int) -> tuple[float, float]:
 
 
 def monomial_ranges(words: Words, box: Interval) -> Interval:
-    """Enclose the ranges of monomials (T, D) over a box, shape (T,), exactly but for rounding."""
+    """Enclose ranges of monomials (T, D) over a box, (T,), exactly but for rounding."""
     count = words.shape[0]
     value = Interval(np.ones(count), np.ones(count))
     row, variable, power = monomials.runs(words)

@@ -88,7 +88,7 @@ def power(ends: Ends, exponent: int) -> Ends:
 
 
 def odd_root(ends: Ends, degree: int) -> Ends:
-    """Take an odd root; ends move outwards until their powers, in rationals, pass the given ones.
+    """Take an odd root; ends move outwards until their powers pass the given ones.
 
     Parameters
     ----------
