@@ -570,7 +570,7 @@ def test_boxes_from_products_may_come_before_simulations() -> None:
     )
     theta, noise = [-0.5, 0.3, 0.8, 0.6, 0.4], setid.Noise(output=0.05)
     truth = setid.simulate_record(model, theta, wave.uniform(-1, 1, (80, 2)), noise, seed=1)
-    options = setid.Options(time_limit=5, progress=False)
+    options = setid.Options(tol=0.2, time_limit=30, progress=False)
     found = setid.identify(truth.data, model, noise, setid.Stable(), options)
     assert isinstance(found.box, SimulatedBox) and isinstance(found.box.first, LiftedBox)
     ends = [item.outer for item in found.intervals.values()]
