@@ -44,6 +44,15 @@ def test_the_edge_of_a_smaller_disc_is_not_rounded_away(margin: float) -> None:
     assert a2 in setid.identify(data, model, noise, priors, options).intervals["a2"]
 
 
+@pytest.mark.parametrize("margin", [0.051, 0.25 + 2.0**-30])
+def test_rows_of_a_smaller_disc_hold_on_its_edge(margin: float) -> None:
+    """For a1 = 0 each real a2 up to r^2 is allowed, which is no double in general."""
+    rows = prepared(2, 1, [setid.Stable(margin)])[0].problem.constraints
+    edge = [row.polynomial for row in rows if row.name == "stable"][-1]  # c - a2 >= 0
+    pairs = zip(edge.words.tolist(), edge.coefficients.tolist(), strict=True)
+    assert Fraction(next(c for word, c in pairs if not any(word))) >= (1 - Fraction(margin)) ** 2
+
+
 @pytest.mark.parametrize("margin", [0.0, 0.2])
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
 def test_stable_admits_what_the_roots_say(degree: int, margin: float) -> None:
