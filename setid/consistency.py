@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import number
+from setid.data.digits import rounded
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
@@ -26,7 +27,6 @@ from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.output_error import least_largest_error
 from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation, formulate, settled
-from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.html import listing, section, table

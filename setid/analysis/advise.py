@@ -17,11 +17,11 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.checks import FrozenMapping, frozen
+from setid.data.digits import rounded
 from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
 from setid.formulation.formulation import formulate
-from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen, word
+from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
@@ -27,7 +28,6 @@ from setid.feasible_points.output_error import (
 )
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
-from setid.formulation.printing import rounded
 from setid.formulation.regression import Regression, check_channels, regression_of_data
 from setid.html import section, table
 from setid.minimum_noise.claims import FoundDenominators

@@ -22,12 +22,12 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen, natural, number, real_array
+from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, check_priors, formulate
-from setid.formulation.printing import rounded
 from setid.html import section
 from setid.html import table as html_table
 from setid.models.equations import Structure

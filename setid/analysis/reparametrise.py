@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen
+from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.inner_ends import loosened
 from setid.formulation.formulation import Formulation
-from setid.formulation.printing import rounded
 from setid.formulation.units import InUnits, in_units
 from setid.options import Options, checked_options
 from setid.priors.physical import Physical

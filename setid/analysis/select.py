@@ -22,10 +22,10 @@ import sparsepop_py as sp
 from setid.analysis.terms import sparse_terms, without, without_idle
 from setid.consistency import consistency
 from setid.data.checks import entries_of, natural, number, switch
+from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError, warns_once
-from setid.formulation.printing import rounded
 from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
+from setid.data.digits import rounded
 from setid.data.frames import require_pandas
 from setid.errors import NoiseError, SetidError, warns_once
 from setid.formulation.formulation import Formulation
-from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify

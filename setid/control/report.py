@@ -16,7 +16,7 @@ from setid.control.engine import SetidError
 from setid.control.loops import loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
 from setid.control.specification import SpecifiedModel
-from setid.formulation.printing import rounded
+from setid.data.digits import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,8 +24,7 @@ from setid.control.engine import (
     frozen,
     real_array,
 )
-from setid.data.checks import all_digits
-from setid.formulation.printing import rounded
+from setid.data.digits import all_digits, rounded
 
 __all__ = ["Undershoot", "undershoot"]
 

@@ -16,7 +16,6 @@ __all__ = [
     "FrozenMapping",
     "channels_of",
     "entries_of",
-    "all_digits",
     "frozen",
     "natural",
     "number",
@@ -139,11 +138,6 @@ def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> li
         return list(given)
     except TypeError:
         raise error(f"{field}: found {type(given).__name__}, expected {what}") from None
-
-
-def all_digits(value: float) -> str:
-    """Write a number with all its digits: an assumption that is rounded is another one."""
-    return repr(float(value)).removesuffix(".0")
 
 
 def natural(

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import all_digits, entries_of, frozen, number, real_array, switch, word
+from setid.data.checks import entries_of, frozen, number, real_array, switch, word
+from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import NoiseError
 

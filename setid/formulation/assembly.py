@@ -28,7 +28,7 @@ from setid.formulation.signals import Signal, internal_range, measured, missing_
 from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
-from setid.priors.base import Facts, Prior, Symbols
+from setid.priors.base import Facts, Prior
 from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
@@ -99,7 +99,7 @@ class Built(NamedTuple):
     products: ProductRows | None
     equations: tuple[Equation, ...]
     dropped: int
-    rounded: tuple[Rounding, ...]
+    roundings: tuple[Rounding, ...]
 
 
 class _Bounds(NamedTuple):
@@ -132,10 +132,11 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     signals = _signals(data, bounds, layout, plans, ranges, (lower, upper)) | driven
     _bound_noise(layout, bounds, (lower, upper))
     _bound_priors(layout, model, priors, facts, (lower, upper))
+    of_priors, roundings = _prior_rows(model, priors, facts, layout)
     rows = [
         *_model_rows(plans, data, signals, layout, bounds),
         *_noise_rows(noise, layout),
-        *_prior_rows(model, priors, facts, layout),
+        *of_priors,
     ]
     problem = sp.Problem(
         layout.polynomial(0), [row.constraint for row in rows], lower, upper, layout.names
@@ -150,7 +151,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
         build_products(data, model, signals, usable, bounds.equation),
         tuple(equations),
         sum(item.dropped for item in plans),
-        _rounded(model, priors, facts, layout),
+        roundings,
     )
 
 
@@ -392,31 +393,21 @@ def _symbols(model: Structure, names: Sequence[str]) -> dict[str, sp.Polynomial]
 
 def _prior_rows(
     model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
-) -> list[_Collected]:
-    numbers, symbols = _own_symbols(model, layout)
-    rows = []
+) -> tuple[list[_Collected], tuple[Rounding, ...]]:
+    """Rows of priors, and their coefficients that are no doubles as they were written."""
+    numbers = np.concatenate([layout.group("theta"), layout.group("slack")])
+    symbols = _symbols(model, [layout.names[number] for number in numbers])
+    free = np.full(numbers.size, inf)
+    rows, roundings = [], []
     for place, prior in enumerate(priors):
-        for constraint in prior.rows(model, symbols, facts):
+        own = list(prior.rows(model, symbols, facts))
+        for constraint in own:
             lifted = layout.lift(constraint.polynomial, numbers)
             row = sp.Constraint(lifted, constraint.kind, constraint.name)
             rows.append(_Collected(row, "prior", item=place))
-    return rows
-
-
-def _own_symbols(model: Structure, layout: Layout) -> tuple[NDArray[np.int64], Symbols]:
-    """Numbers and polynomials of the parameters and of the unknowns of priors."""
-    numbers = np.concatenate([layout.group("theta"), layout.group("slack")])
-    return numbers, _symbols(model, [layout.names[number] for number in numbers])
-
-
-def _rounded(
-    model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
-) -> tuple[Rounding, ...]:
-    """Coefficients of priors that are no doubles as they were written."""
-    numbers, symbols = _own_symbols(model, layout)
-    free = np.full(numbers.size, np.inf)
-    found = []
-    for prior in priors:
-        rows = [row.polynomial for row in prior.rows(model, symbols, facts)]
-        found.append(rounding_of(f"prior {prior.describe()}", rows, -free, free))
-    return tuple(record for record in found if record is not None)
+        record = rounding_of(
+            f"prior {prior.describe()}", [row.polynomial for row in own], -free, free
+        )
+        if record is not None:
+            roundings.append(record)
+    return rows, tuple(roundings)

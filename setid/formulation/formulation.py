@@ -320,7 +320,7 @@ def formulate(
         assumptions=(
             *_assumptions(data, model, noise, wanted, built.dropped),
             *_rounded_products(data, built.equations),
-            *(f"{record}; the rows are about what was rounded" for record in built.rounded),
+            *(f"{record}; the rows are about what was rounded" for record in built.roundings),
         ),
         _equations=built.equations,
     )

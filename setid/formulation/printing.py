@@ -1,4 +1,4 @@
-"""Equations and proved numbers, as people write them."""
+"""Equations at a sample, as people write them."""
 
 from __future__ import annotations
 
@@ -8,24 +8,10 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.layout import Layout
 from setid.models.equations import Equation, Lagged, channel_of
-from sparsepop_py.verified.arithmetic import display
 
-__all__ = ["equation_text", "rounded"]
+__all__ = ["equation_text"]
 
 _NOISE = {"y": "eta", "u": "xi"}
-
-
-def rounded(value: float, up: bool, digits: int = 8) -> str:
-    """Write a number in the given digits, rounded in one direction.
-
-    Parameters
-    ----------
-    value : float
-    up : bool
-        Towards plus infinity; otherwise towards minus infinity.
-    digits : int
-    """
-    return display.rounded(value, up, digits, scientific=False)
 
 
 def equation_text(

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import all_digits, frozen, number
+from setid.data.checks import frozen, number
+from setid.data.digits import all_digits, rounded
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation, formulate
-from setid.formulation.printing import rounded
 from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
 from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta

@@ -36,7 +36,8 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import all_digits, natural, number, switch, word
+from setid.data.checks import natural, number, switch, word
+from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from setid.models.html import InNotebook

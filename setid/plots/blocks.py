@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from setid.data.digits import rounded
 from setid.errors import ModelError
-from setid.formulation.printing import rounded
 from setid.models.block import BlockStructured
 from setid.plots.axes import ink, new_axes, require_matplotlib
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from setid.formulation.printing import rounded
+from setid.data.digits import rounded
 from setid.plots.axes import ATTAINED, PROVED, new_axes
 
 if TYPE_CHECKING:

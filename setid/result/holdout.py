@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
-from setid.formulation.printing import rounded
 from setid.models.continuous import without_delta
 from setid.models.general import from_unknown_start
 from setid.priors import Box

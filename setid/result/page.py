@@ -19,7 +19,7 @@ from setid.bands.outputs import Mode, compare
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
-from setid.data.checks import all_digits
+from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent

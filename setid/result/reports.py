@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.feasible_points.centre import central
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.completion import noise_shares
 from setid.formulation.formulation import Formulation
-from setid.formulation.printing import rounded
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
+from setid import control, neural
 from setid.control.certificates.cells import Outcome
 from setid.control.certificates.certificate import _largest
-from setid.data.checks import all_digits
+from setid.data.digits import all_digits
 from setid.feasible_points.centre import Central
+from setid.plots.blocks import _value as block_value
 from setid.plots.intervals import plot_intervals
 
 NUMBER = r"-?[0-9.]+(?:e[+-]?[0-9]+)?"
+
+
+def repr_of(kind: type) -> Callable[[Any], str]:
+    """The text of a class, to be asked of a stand-in that has the fields it shows."""
+    return kind.__repr__
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +85,71 @@ def test_the_share_of_samples_within_a_range_is_rounded_down() -> None:
     found = setid.advise(setid.IOData(u, y, Ts=0.01), rest)
     share = float(re.findall(rf"at least ({NUMBER}) %", found.text)[0])
     assert share <= 100 * found.coverage < 100
+
+
+LOW, HIGH = np.array([1 / 3, -2 / 3]), np.array([2 / 3, -1 / 3])  # no digits end any of them
+ENDS: dict[str, tuple[Callable[[Any], str], dict[str, Any]]] = {
+    "step band": (
+        setid.StepBand.summary,
+        {"kind": "proved", "output": 1, "input": 1, "report": None, "later": (1 / 3, 2 / 3)},
+    ),
+    "zeros": (repr_of(control.Undershoot), {"verdict": "none", "zeros": ((1 / 3, 2 / 3),)}),
+    "zeros below zero": (
+        repr_of(control.Undershoot),
+        {"verdict": "none", "zeros": ((-2 / 3, -1 / 3),)},
+    ),
+    "equation error": (
+        repr_of(neural.EquationError),
+        {"lower_bound": LOW, "upper_bound": HIGH, "row": np.arange(3), "status": "open"},
+    ),
+    "output error": (
+        repr_of(neural.OutputError),
+        {"lower_bound": 1 / 3, "upper_bound": 2 / 3, "nodes": 1, "status": "open"},
+    ),
+    "training": (
+        repr_of(neural.ProvedTraining),
+        {"lower_bound": 1 / 3, "upper_bound": 2 / 3, "nodes": 1, "status": "open"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_ends_in_names_of_results_hold_those_of_the_results(name: str) -> None:
+    text, fields = ENDS[name]
+    shown = re.findall(rf"\[({NUMBER}), ({NUMBER})\]", text(SimpleNamespace(**fields)))
+    exact = [(1 / 3, 2 / 3), (-2 / 3, -1 / 3)]
+    assert shown
+    for low, high in shown:
+        least, most = exact[low.startswith("-")]
+        assert Fraction(low) <= Fraction(least) and Fraction(most) <= Fraction(high)
+
+
+@pytest.mark.parametrize("eps", [0.0123449, 1 / 3])
+def test_distances_from_lines_are_rounded_upwards(eps: float) -> None:
+    net = SimpleNamespace(network=SimpleNamespace(activation=("tanh",)))
+    kinds: dict[Callable[[Any], str], dict[str, Any]] = {
+        repr_of(neural.Envelope): {"name": "tanh", "centres": [0], "coefficients": np.ones((1, 2))},
+        repr_of(neural.SmoothHiddenWeights): {"net": net, "intervals": {}, "status": "open"},
+    }
+    for text, fields in kinds.items():
+        shown = re.findall(rf"within ({NUMBER})", text(SimpleNamespace(eps=eps, **fields)))
+        assert Fraction(shown[0]) >= Fraction(eps)
+
+
+def test_blocks_of_pictures_hold_their_intervals(results: list[setid.Identification]) -> None:
+    model: Any = SimpleNamespace(fixed=())
+    for result in results:
+        for name, item in result.intervals.items():
+            low, high = re.findall(NUMBER, block_value(model, result, name).split(" in ")[1])
+            assert Fraction(low) <= Fraction(item.outer[0])
+            assert Fraction(item.outer[1]) <= Fraction(high)
+
+
+def test_claims_of_certificates_are_rounded_downwards() -> None:
+    x = sp.variables(1)[0]
+    for value in (1 / 3, -2 / 3):
+        found = sp.solve(sp.Problem(x, [], [value], [9.0]))
+        ratio = sp.solve(sp.RationalProblem(sp.ratio(x, 2.0 + x**2), [], [value], [9.0]))
+        for certificate in (found.certificate, ratio.certificate):
+            shown = re.findall(rf"objective >= ({NUMBER})", str(certificate))
+            assert Fraction(shown[0]) <= Fraction(certificate.bound)

@@ -35,7 +35,8 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping, all_digits, natural, number
+from setid.data.checks import FrozenMapping, natural, number
+from setid.data.digits import all_digits
 from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import natural, number
-from setid.formulation.printing import rounded
+from setid.data.digits import rounded
 from setid.neural.arithmetic import (
     Interval,
     LinearModel,

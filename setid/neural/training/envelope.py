@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
-from setid.formulation.printing import rounded
+from setid.data.digits import rounded
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
 

@@ -32,7 +32,8 @@ from setid import (
     ParameterInterval,
     Verification,
 )
-from setid.data.checks import FrozenMapping, all_digits, frozen, number, switch
+from setid.data.checks import FrozenMapping, frozen, number, switch
+from setid.data.digits import all_digits
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of

@@ -20,8 +20,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
-from setid.data.checks import FrozenMapping, all_digits, frozen
-from setid.formulation.printing import rounded
+from setid.data.checks import FrozenMapping, frozen
+from setid.data.digits import all_digits, rounded
 from setid.neural.arithmetic import Interval, LinearModel, down, up
 from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, word
-from setid.formulation.printing import rounded
+from setid.data.digits import rounded
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of

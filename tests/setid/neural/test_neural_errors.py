@@ -320,9 +320,7 @@ def test_a_condition_that_fails_bounds_no_distance() -> None:
     net = neural.Elman([([[1.0]], [[1.5]], [0.0])], ([[1.0]], [0.0]))
     found = neural.stability(net, lmi=False)
     for condition in (found.conditions[0], "best", 1.0):
-        for call in (
-            lambda: found.limit(inputs=0.1, condition=condition),  # noqa: B023
-            lambda: found.distance(3, 1.0, condition=condition),  # noqa: B023
-        ):
-            with pytest.raises(setid.ModelError, match="condition: found"):
-                call()
+        with pytest.raises(setid.ModelError, match="condition: found"):
+            found.limit(inputs=0.1, condition=condition)
+        with pytest.raises(setid.ModelError, match="condition: found"):
+            found.distance(3, 1.0, condition=condition)

@@ -12,8 +12,8 @@ import pytest
 from identified_cases import first_order, result_of
 
 import setid
+from setid.data.digits import rounded
 from setid.feasible_points.members import nominal
-from setid.formulation.printing import rounded
 from setid.result.progress import Progress
 
 STATUS = setid.IntervalStatus
