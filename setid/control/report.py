@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from setid.control.certificates.certificate import StabilityCertificate
 from setid.control.design import Design
 from setid.control.engine import SetidError
-from setid.control.loops import loop_margins, loop_step
+from setid.control.loops import LoopMargins, loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
 from setid.control.specification import SpecifiedModel
 from setid.data.digits import rounded
@@ -21,7 +21,7 @@ from setid.data.digits import rounded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["report"]
+__all__ = ["margins_text", "report"]
 
 _STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}pre{background:#f4f4f4}"
 
@@ -83,18 +83,27 @@ def report(
             parts.append(_picture(plot_certificate(item)))
     certified = next((item for item in certificates if item), None)
     if certified is not None:
-        margins = loop_margins(certified)
-        text = (
-            f"max abs(S) <= {rounded(margins.sensitivity, True, 4)}\n"
-            f"gain may change by factors from {rounded(margins.gain[0], True, 4)} to "
-            f"{rounded(margins.gain[1], False, 4)}\n"
-            f"phase may turn by {rounded(margins.phase, False, 4)} rad"
-        )
-        parts.append(f"<h2>Margins of every consistent plant, proved</h2>{_text(text)}")
+        margins = _text(margins_text(loop_margins(certified)))
+        parts.append(f"<h2>Margins of every consistent plant, proved</h2>{margins}")
         parts.append(_picture(plot_loop_step(loop_step(certified))))
     body = "\n".join(parts)
     page = f"<!doctype html><meta charset='utf-8'><style>{_STYLE}</style>{body}"
     Path(path).write_text(page, encoding="utf-8")
+
+
+def margins_text(margins: LoopMargins) -> str:
+    """Write margins so that what is shown is proved, too.
+
+    Parameters
+    ----------
+    margins : LoopMargins
+    """
+    return (
+        f"max abs(S) <= {rounded(margins.sensitivity, True, 4)}\n"
+        f"gain may change by factors from {rounded(margins.gain[0], True, 4)} to "
+        f"{rounded(margins.gain[1], False, 4)}\n"
+        f"phase may turn by {rounded(margins.phase, False, 4)} rad"
+    )
 
 
 def _text(text: str) -> str:

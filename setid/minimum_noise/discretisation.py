@@ -193,12 +193,7 @@ def estimate_delta(
     if limit > 0.0:
         low, value = _least(stated(limit), limit, x, settings, until)
     value = float(np.nextafter(value * factor, inf)) if value > 0.0 else 0.0
-    text = (
-        f"discretisation error: at most delta = {all_digits(value)}, the least one that was found "
-        f"consistent with the data (proved: none below {rounded(low, False, 6)} is)"
-        + (f", times {factor:g}" if factor > 1.0 else "")
-        + "; the true error may be larger"
-    )
+    text = _sentence(value, low, factor)
     return EstimatedBound(frozen(np.array([value])), frozen(np.zeros(1)), text)
 
 
@@ -247,3 +242,13 @@ def _least(
         point = None
     value = limit if point is None else min(1.0, point.value) * limit
     return float(np.nextafter(low, 0.0)), value * (1.0 + 1e-9)
+
+
+def _sentence(value: float, low: float, factor: float) -> str:
+    """The assumption that a delta makes, and what is proved of smaller ones."""
+    return (
+        f"discretisation error: at most delta = {all_digits(value)}, the least one that was found "
+        f"consistent with the data (proved: none below {rounded(low, False, 6)} is)"
+        + (f", times {factor:g}" if factor > 1.0 else "")
+        + "; the true error may be larger"
+    )

@@ -16,8 +16,10 @@ import sparsepop_py as sp
 from setid import control, neural
 from setid.control.certificates.cells import Outcome
 from setid.control.certificates.certificate import _largest
+from setid.control.report import margins_text
 from setid.data.digits import all_digits
 from setid.feasible_points.centre import Central
+from setid.minimum_noise.discretisation import _sentence
 from setid.plots.blocks import _value as block_value
 from setid.plots.intervals import plot_intervals
 
@@ -153,3 +155,28 @@ def test_claims_of_certificates_are_rounded_downwards() -> None:
         for certificate in (found.certificate, ratio.certificate):
             shown = re.findall(rf"objective >= ({NUMBER})", str(certificate))
             assert Fraction(shown[0]) <= Fraction(certificate.bound)
+
+
+def test_margins_are_rounded_to_what_is_proved() -> None:
+    margins: Any = SimpleNamespace(sensitivity=4 / 3, gain=(4 / 7, 11 / 3), phase=2 / 3)
+    top, least, most, phase = map(Fraction, re.findall(NUMBER, margins_text(margins)))
+    assert top >= Fraction(4 / 3) and phase <= Fraction(2 / 3)
+    assert Fraction(4 / 7) <= least and most <= Fraction(11 / 3)
+
+
+@pytest.mark.parametrize("low", [0.123456789, 2 / 3, 0.0])
+def test_below_a_delta_no_more_is_excluded_than_proved(low: float) -> None:
+    text = _sentence(0.7, low, 1.0)
+    assert Fraction(re.findall(rf"none below ({NUMBER}) is", text)[0]) <= Fraction(low)
+
+
+def test_ratios_and_denominators_are_shown_within_their_bounds() -> None:
+    ends = SimpleNamespace(status="open", lower_bound=1 / 3, upper_bound=2 / 3)
+    low, high = re.findall(NUMBER, repr_of(sp.RationalResult)(ends))
+    assert Fraction(low) <= Fraction(1 / 3) and Fraction(2 / 3) <= Fraction(high)
+    x = sp.variables(1)[0]
+    with pytest.raises(sp.DenominatorError) as caught:
+        sp.solve(sp.RationalProblem(sp.ratio(x, (1 / 3) * x), [], [-1.0], [2.0]))
+    shown = re.findall(rf"only ({NUMBER}) <= q <= ({NUMBER})", str(caught.value))
+    low, high = shown[0]
+    assert Fraction(low) <= Fraction(-1 / 3) and Fraction(2 / 3) <= Fraction(high)
