@@ -17,7 +17,6 @@ import matplotlib.pyplot as plt
 
 import setid
 import sparsepop_py as sp
-from sparsepop_py.verified.arithmetic.display import rounded
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = "{:<16}{:>3}  {:<5}  {:>5}  {:<9}{:>15}{:>16}{:>9}{:>8}  {:>8}"
@@ -88,7 +87,7 @@ def row(name: str, order: int, result: sp.Result, seconds: float) -> str:
 
 def shown(value: float, upwards: bool) -> str:
     """Ten digits, rounded to the safe side."""
-    return rounded(value, upwards, scientific=False)
+    return sp.rounded(value, upwards)
 
 
 def draw(result: sp.Result, path: Path) -> plt.Figure:

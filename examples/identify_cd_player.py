@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.formulation.printing import rounded
+import sparsepop_py as sp
 
 RECORD = Path(__file__).resolve().parent / "data" / "cd_player_arm.csv"
 
@@ -31,7 +31,7 @@ def main() -> None:
     print("least bound of the equation error, by order (proved):")
     for order in (1, 2, 3):
         level = setid.consistency(estimation, structure(order), setid.Noise(equation=0.1))
-        print(f"  na = nb = {order}: {rounded(0.1 * level.scale[0], False, 4)}")
+        print(f"  na = nb = {order}: {sp.rounded(0.1 * level.scale[0], False, 4)}")
     noise = setid.Noise(equation=1.05 * 0.1 * level.scale[1])
     result = setid.identify(estimation, structure(3), noise)
     print(result.table())

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.formulation.printing import rounded
+import sparsepop_py as sp
 
 RECORD = Path(__file__).resolve().parent / "data" / "hairdryer.csv"
 MODEL = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)
@@ -37,7 +37,7 @@ def main() -> None:
 
     band = setid.frequency_band(result)
     low, high = band.decibel[0]
-    ends = f"{rounded(low, False, 4)} to {rounded(high, True, 4)}"
+    ends = f"{sp.rounded(low, False, 4)} to {sp.rounded(high, True, 4)}"
     print(f"gain at {band.omega[0]:.2f} rad/s: {ends} dB, proved")
     pictures = {
         "hairdryer_intervals": result.plot(),
@@ -65,11 +65,11 @@ def identified() -> tuple[setid.Identification, setid.IOData]:
     estimation, validation = data.split(200)
     level = setid.consistency(estimation, MODEL, setid.Noise(equation=0.1))
     least = 0.1 * level.scale[0]
-    proved = rounded(least, False, 5)
+    proved = sp.rounded(least, False, 5)
     print(f"least bound of the equation error that explains the record: {proved} V (proved)")
     bound = 1.05 * 0.1 * level.scale[1]
     too_small = setid.identify(estimation, MODEL, setid.Noise(equation=0.95 * least))
-    print(f"with {rounded(0.95 * least, False, 4)} V the result is: {too_small.status}")
+    print(f"with {sp.rounded(0.95 * least, False, 4)} V the result is: {too_small.status}")
     noise = setid.Noise(equation=bound)
     return setid.identify(estimation, MODEL, noise, [setid.Stable()]), validation
 

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.formulation.printing import rounded
+import sparsepop_py as sp
 from setid.plots.blocks import plot_diagram
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
@@ -47,10 +47,10 @@ def main() -> None:
     print(result.table())
     low, high = result.intervals["a1"].outer
     times = [-data.Ts / np.log(-a) for a in (high, low)]
-    shortest, longest = rounded(times[0], False, 3), rounded(times[1], True, 3)
+    shortest, longest = sp.rounded(times[0], False, 3), sp.rounded(times[1], True, 3)
     print(f"time constant {shortest} .. {longest} s, proved")
     for name, ends in setid.convert_intervals(result, "dcgain").items():
-        low, high = rounded(ends[0], False, 3), rounded(ends[1], True, 3)
+        low, high = sp.rounded(ends[0], False, 3), sp.rounded(ends[1], True, 3)
         print(f"  with static gain 1: {name} in [{low}, {high}], proved")
 
     comparison = setid.compare(result, validation, kind="sampled")

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.formulation.printing import rounded
+import sparsepop_py as sp
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 LINEAR = ["1", "y1", "u1"]
@@ -39,7 +39,7 @@ def main() -> None:
     for name, model in MODELS.items():
         found = setid.consistency(estimation, model, setid.Noise(equation=0.05))
         least[name] = 0.05 * found.scale[1]
-        proved = rounded(0.05 * found.scale[0], False, 5)
+        proved = sp.rounded(0.05 * found.scale[0], False, 5)
         print(f"{name:<10} least bound of the equation error {proved} V, proved")
 
     model = MODELS["quadratic"]
@@ -61,7 +61,7 @@ def main() -> None:
         "\nthe quadratic coefficient with that bound, and with one that explains all 300 samples:"
     )
     for bend in bends:
-        low, high = rounded(bend.outer[0], False, 5), rounded(bend.outer[1], True, 5)
+        low, high = sp.rounded(bend.outer[0], False, 5), sp.rounded(bend.outer[1], True, 5)
         print(f"  {low} .. {high}  {certainty(bend)}")
     gain = least["linear"] - least["quadratic"]
     print(
@@ -85,7 +85,7 @@ def simulating(data: setid.IOData, output: Path, one_step: float) -> None:
     )
     print("\noutput errors, every fifth sample:")
     for found, samples in ((part, "40 samples"), (whole, "all 60")):
-        proved = rounded(0.1 * found.scale[0], False, 5)
+        proved = sp.rounded(0.1 * found.scale[0], False, 5)
         print(f"least bound of the output error {proved} V on {samples}, proved")
     noise = setid.Noise(output=1.05 * 0.1 * whole.scale[1])
     result = setid.identify(estimation, model, noise)
@@ -100,8 +100,8 @@ def simulating(data: setid.IOData, output: Path, one_step: float) -> None:
     slowest, fastest = -slow.Ts / math.log(-low), -slow.Ts / math.log(-high)
     band = setid.frequency_band(result, omega=[1e-5])
     weakest, strongest = 10.0 ** (band.decibel[0] / 20.0)
-    times = f"{rounded(fastest, False, 3)} and {rounded(slowest, True, 3)}"
-    gains = f"{rounded(weakest, False, 3)} and {rounded(strongest, True, 3)}"
+    times = f"{sp.rounded(fastest, False, 3)} and {sp.rounded(slowest, True, 3)}"
+    gains = f"{sp.rounded(weakest, False, 3)} and {sp.rounded(strongest, True, 3)}"
     print(
         f"""
 What an engineer learns: one step ahead a line explains the level to {one_step:.2f} V; a simulation

@@ -9,7 +9,6 @@ point, becomes the interval; here SDPobjValue is proved, and the two can be comp
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.verified.arithmetic.display import rounded
 
 N, NOISE, TRUTH = 20, 0.5, np.array([-0.8, 2.0])
 rng = np.random.default_rng(1)
@@ -43,6 +42,7 @@ for i in range(2):
 
 print("parameter    true   proved interval                      attained interval")
 for name, true, (proved, attained) in zip("ab", TRUTH, ends, strict=True):
-    low, high = rounded(proved[0], upwards=False), rounded(proved[1], upwards=True)
+    low = sp.rounded(proved[0], upwards=False, scientific=True)
+    high = sp.rounded(proved[1], upwards=True, scientific=True)
     print(f"{name}          {true:6.2f}   [{low}, {high}]", end="   ")
     print(f"[{attained[0]:+.9e}, {attained[1]:+.9e}]")

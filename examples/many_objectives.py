@@ -5,14 +5,11 @@ A first-order system z[k] = a z[k-1] + b u[k-1] is observed as y[k] = z[k] + noi
 polynomial problem; the feasible set, and so the relaxation, is the same for all four.
 """
 
-from functools import partial
-
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.verified.arithmetic.display import rounded
 
-shown = partial(rounded, scientific=False)
+shown = sp.rounded
 A, B, NOISE = 0.6, 1.5, 0.05
 u = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 z = [0.0]

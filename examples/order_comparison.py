@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import sparsepop_py as sp
-from sparsepop_py.verified.arithmetic.display import rounded
 
 PROBLEMS = Path(__file__).resolve().parent / "problems"
 
@@ -13,6 +12,6 @@ for name in ("laboratory", "chain"):
     for order in (1, 2, 3):
         for effort in ("plain", "presolve"):
             result = sp.solve(problem, sp.Options(order=order, effort=effort))
-            bound = rounded(result.lower_bound, upwards=False, scientific=False)
+            bound = sp.rounded(result.lower_bound, upwards=False)
             largest = max(result.relaxation.block_sizes) if result.relaxation else 0
             print(f"{name:<12}{order:>5}  {effort:<9}  {result.status:<9}{bound:>20}{largest:>15}")

@@ -4,8 +4,7 @@
 
 :func:`formulate` states what the data and the noise bounds say of the parameters as a
 polynomial optimization problem with named unknowns, whose proved bounds (see
-:mod:`sparsepop_py`, on whose public names alone this package rests) become parameter
-uncertainty intervals.
+:mod:`sparsepop_py`) become parameter uncertainty intervals.
 
 Examples
 --------

@@ -42,6 +42,7 @@ from .study.orders import compare_orders
 from .study.problems import Study
 from .study.study import StudyStatus
 from .study.table import Table
+from .verified.arithmetic.display import rounded
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
 from .verified.certificate.rational_bound import RangeProof, RationalCertificate
@@ -100,6 +101,7 @@ __all__ = [
     "read_mat",
     "read_sdpa",
     "relax",
+    "rounded",
     "second_order",
     "solve",
     "solve_conic",

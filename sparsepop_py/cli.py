@@ -425,8 +425,8 @@ def _text(path: str, result: AnyResult) -> str:
     ]
     if result.status is not Status.INFEASIBLE:
         lines += [
-            f"lower bound   {rounded(low, False)}  {_how(low, words[0])}",
-            f"upper bound   {rounded(high, True)}  {_how(high, words[1])}",
+            f"lower bound   {rounded(low, False, scientific=True)}  {_how(low, words[0])}",
+            f"upper bound   {rounded(high, True, scientific=True)}  {_how(high, words[1])}",
             f"gap           {result.gap:.3g}",
         ]
     lines += _point(result)

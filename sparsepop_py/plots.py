@@ -226,7 +226,7 @@ def _title(result: Result) -> str:
         return "INFEASIBLE: proved that no point is feasible"
     ends = [result.lower_bound, result.upper_bound]
     low, high = (-ends[1], -ends[0]) if maximise else ends
-    shown = [rounded(v, up, 7, scientific=False) for v, up in ((low, False), (high, True))]
+    shown = [rounded(v, up, 7) for v, up in ((low, False), (high, True))]
     return f"{result.status}: {word} in [{shown[0]}, {shown[1]}]"
 
 

@@ -218,8 +218,8 @@ class Stages:
 
     def _draw(self) -> None:
         where = "" if self._number is None else f"objective {self._number}: "
-        low = rounded(self._known[0], False, 8, scientific=False)
-        high = rounded(self._known[1], True, 8, scientific=False)
+        low = rounded(self._known[0], False, 8)
+        high = rounded(self._known[1], True, 8)
         self._line.draw(f"{where}{low} <= minimum <= {high}  {self._name} ...")
 
     def _report(self) -> None:

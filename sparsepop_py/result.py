@@ -245,7 +245,7 @@ class Result:
         if self.relaxation is not None:
             lines.append(str(self.relaxation))
         for entry in self.history if len(self.history) > 1 else ():
-            low = rounded(entry.lower_bound, False, 8, scientific=False)
+            low = rounded(entry.lower_bound, False, 8)
             nodes = f", {entry.nodes} nodes" if entry.nodes else ""
             lines.append(f"  {entry.name}: >= {low}, {entry.seconds:.2f} CPU seconds{nodes}")
         if self.timings:
@@ -265,8 +265,8 @@ class Result:
         head = "| step | lower bound | attained | gap | CPU s | largest block | moments | nodes |"
         lines = [head, "|" + "---|" * 8]
         for entry in self.history:
-            low = rounded(entry.lower_bound, False, 9, scientific=False)
-            high = rounded(entry.upper_bound, True, 9, scientific=False)
+            low = rounded(entry.lower_bound, False, 9)
+            high = rounded(entry.upper_bound, True, 9)
             gap = max(0.0, entry.upper_bound - entry.lower_bound)
             lines.append(
                 f"| {entry.name} | {low} | {high} | {gap:.2g} | {entry.seconds:.2f} "
@@ -299,8 +299,8 @@ class Result:
         return self.summary()
 
     def __repr__(self) -> str:
-        low = rounded(self.lower_bound, False, scientific=False)
-        high = rounded(self.upper_bound, True, scientific=False)
+        low = rounded(self.lower_bound, False)
+        high = rounded(self.upper_bound, True)
         return f"<Result {self.status}: {low} <= minimum <= {high}>"
 
     def _repr_html_(self) -> str:
@@ -410,8 +410,8 @@ def claims_of(result: Any, message: str) -> list[str]:
     lines = [
         repr(result.problem)[1:-1],
         f"status        {result.status}: {message}",
-        f"lower bound   {rounded(result.lower_bound, False, 11, scientific=False)}  proved",
-        f"upper bound   {rounded(result.upper_bound, True, 11, scientific=False)}  "
+        f"lower bound   {rounded(result.lower_bound, False, 11)}  proved",
+        f"upper bound   {rounded(result.upper_bound, True, 11)}  "
         + ("attained" if result.attained else "no attained point"),
         f"gap           {result.gap:.3g}",
     ]

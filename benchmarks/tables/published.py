@@ -218,7 +218,7 @@ def _line(row: Published, order: str, cells: Sequence[str]) -> str:
 def _cells(found: Timed) -> list[str]:
     gap = (found.attained - found.proved) / max(1.0, abs(found.attained))
     ends = (
-        rounded(value, upwards, 11, scientific=False)
+        rounded(value, upwards, 11)
         for value, upwards in ((found.proved, False), (found.attained, True))
     )
     return [f"{found.seconds:.2f}", *ends, number(gap)]

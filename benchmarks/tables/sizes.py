@@ -132,9 +132,7 @@ def sizes_table(rows: Sequence[Compared]) -> str:
             cliques += ", complementarity"
         cells = [row.name, f"{row.param['relaxOrder']:g}", cliques, _shown(row.sizes), there]
         cells += [f"{row.solver_value:.9g}", "" if known is None else f"{known.value:.9g}"]
-        lines.append(
-            [*cells, rounded(row.proved, False, 10, scientific=False), f"{row.seconds:.1f}"]
-        )
+        lines.append([*cells, rounded(row.proved, False, 10), f"{row.seconds:.1f}"])
     return table(head, lines)
 
 

@@ -22,7 +22,7 @@ def rounded(value: float, up: bool, digits: int = 8) -> str:
     >>> rounded(2 / 3, True, 3), rounded(2 / 3, False, 3)
     ('0.667', '0.666')
     """
-    return display.rounded(value, up, digits, scientific=False)
+    return display.rounded(value, up, digits)
 
 
 def all_digits(value: float) -> str:

@@ -121,7 +121,7 @@ class ParameterInterval:
 
 
 def _shown(value: float, upwards: bool, digits: int) -> str:
-    return rounded(value, upwards, digits, scientific=False)
+    return rounded(value, upwards, digits)
 
 
 def _attained(inner: tuple[float, float] | None) -> str:

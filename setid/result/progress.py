@@ -80,8 +80,8 @@ class Progress:
         name, (outer, _) = self._names[index // 2], self._interval(index // 2)
         count = f"{self.settled}/{len(self._ends)} ends"
         side = "low" if index % 2 == 0 else "high"
-        low = rounded(outer[0], False, 6, scientific=False)
-        high = rounded(outer[1], True, 6, scientific=False)
+        low = rounded(outer[0], False, 6)
+        high = rounded(outer[1], True, 6)
         last = f"{name} in [{low}, {high}], {side}: gap {self._gap(index):.2g}"
         return f"[{'#' * full}{'.' * (_BAR - full)}] {count}, {last}"
 

@@ -121,7 +121,7 @@ def _value_lines(output: SparsePOPOutput) -> Iterator[str]:
     if not math.isfinite(value):
         empty = POP.status is Status.INFEASIBLE
         proved = "proved: no point is feasible" if empty else "nothing finite is proved"
-    yield f"  SDPobjValue         = {rounded(value, maximise, 8)}  {proved}"
+    yield f"  SDPobjValue         = {rounded(value, maximise, 8, scientific=True)}  {proved}"
     if POP.solverValue is not None:
         yield f"  POP.solverValue     = {POP.solverValue:+13.7e}  value of the SDP, no bound"
     if POP.objValue is not None:
@@ -137,7 +137,7 @@ def _value_lines(output: SparsePOPOutput) -> Iterator[str]:
         yield f"  POP.absErrorL       = {POP.absErrorL:+8.2e}"
         yield f"  POP.scaledErrorL    = {POP.scaledErrorL:+8.2e}"
     for k, zeta in enumerate(POP.zeta or []):
-        yield f"  POP.zeta({k + 1})         = {rounded(zeta, True, 8)}  proved"
+        yield f"  POP.zeta({k + 1})         = {rounded(zeta, True, 8, scientific=True)}  proved"
     yield f"  status              = {POP.status}: {_message(POP)}"
 
 

@@ -180,7 +180,7 @@ def _by(largest: float) -> str:
 
 
 def _short(size: float) -> str:
-    return rounded(size, True, 2, scientific=False)
+    return rounded(size, True, 2)
 
 
 def _changes(terms: ExactTerms) -> tuple[monomials.Words, list[Fraction], list[Fraction]]:

@@ -142,7 +142,7 @@ class RationalResult:
         ]:
             least = proof.below.bound
             up = proof.sign < 0
-            end = rounded(-least if up else least, up, 12, scientific=False)
+            end = rounded(-least if up else least, up, 12)
             side = f"<= {end}" if up else f">= {end}"
             lines.append(f"denominator   {str(q)[:60]} {side}  proved")
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
@@ -151,8 +151,8 @@ class RationalResult:
         return self.summary()
 
     def __repr__(self) -> str:
-        low = rounded(self.lower_bound, False, scientific=False)
-        high = rounded(self.upper_bound, True, scientific=False)
+        low = rounded(self.lower_bound, False)
+        high = rounded(self.upper_bound, True)
         return f"<RationalResult {self.status}: {low} <= minimum <= {high}>"
 
     def _repr_html_(self) -> str:

@@ -143,9 +143,7 @@ class OrderComparison:
         maximum = self.problem.sense == "max"
         word = "maximum" if maximum else "minimum"
         low, high = (self.attained, self.proved) if maximum else (self.proved, self.attained)
-        least, most = (
-            rounded(v, up, 10, scientific=False) for v, up in ((low, False), (high, True))
-        )
+        least, most = (rounded(v, up, 10) for v, up in ((low, False), (high, True)))
         yield f"together: {least} <= {word} <= {most}"
         unsure = [row for row in self.rows if row.solver_status not in ("", "solved")]
         if unsure:
@@ -327,8 +325,8 @@ def _cells(row: OrderRow, several: bool) -> tuple[str, ...]:
         str(row.order),
         f"{row.effort}, {row.cliques}" if several else row.effort,
         str(row.result.status),
-        rounded(row.proved, maximum, 9, scientific=False),
-        rounded(row.attained, not maximum, 9, scientific=False),
+        rounded(row.proved, maximum, 9),
+        rounded(row.attained, not maximum, 9),
         "" if math.isnan(row.solver_value) else f"{row.solver_value:.8g}",
         row.solver_status,
         str(max(row.block_sizes, default=0)),

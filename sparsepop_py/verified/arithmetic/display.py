@@ -8,7 +8,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 __all__ = ["rounded"]
 
 
-def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = True) -> str:
+def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = False) -> str:
     """Format a bound in few digits, rounded outwards: as proved as the value.
 
     Parameters
@@ -19,7 +19,7 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Tr
     digits : int
         Significant digits, at most 15.
     scientific : bool
-        With sign and exponent, for columns; else in the shortest form.
+        With sign and exponent, for columns; by default in the shortest form.
 
     Returns
     -------
@@ -27,9 +27,9 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Tr
 
     Examples
     --------
-    >>> rounded(1.26, upwards=False, digits=2), rounded(1.21, upwards=True, digits=2)
+    >>> rounded(1.26, False, 2, scientific=True), rounded(1.21, True, 2, scientific=True)
     ('+1.2e+00', '+1.3e+00')
-    >>> rounded(-0.50000001, upwards=False, digits=7, scientific=False)
+    >>> rounded(-0.50000001, upwards=False, digits=7)
     '-0.5000001'
     """
     form = f"+.{digits - 1}e" if scientific else f".{digits}g"

@@ -474,7 +474,7 @@ class Certificate:
         return f"<{self}>"
 
     def __str__(self) -> str:
-        least = rounded(self.bound, False, 12, scientific=False)
+        least = rounded(self.bound, False, 12)
         claim = "no feasible point" if self.bound == np.inf else f"objective >= {least}"
         steps = sum(len(node.box.steps) for node in self.root)
         words = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]

@@ -278,7 +278,7 @@ class RationalCertificate:
         return f"<{self}>"
 
     def __str__(self) -> str:
-        least = rounded(self.bound, False, 12, scientific=False)
+        least = rounded(self.bound, False, 12)
         claim = "no feasible point" if self.bound == np.inf else f"objective >= {least}"
         how = "reciprocals as variables" if self.level is None else f"level {self.level:.12g}"
         return f"certificate: {claim}, {len(self.ranges)} signs of denominators, {how}"

@@ -60,7 +60,7 @@ class Bounds:
             return "empty, proved"
         triples = zip(self.names, self.lower.tolist(), self.upper.tolist(), strict=True)
         return ", ".join(
-            f"{name} in [{rounded(low, False, 6, False)}, {rounded(high, True, 6, False)}]"
+            f"{name} in [{rounded(low, False, 6)}, {rounded(high, True, 6)}]"
             for name, low, high in triples
         )
 

@@ -39,9 +39,9 @@ def test_what_is_shown_is_on_the_safe_side(value, upwards, digits, scientific):
 
 @pytest.mark.parametrize("upwards, text", [(True, "+3.334e-01"), (False, "+3.333e-01")])
 def test_a_third_in_four_digits(upwards, text):
-    assert rounded(1 / 3, upwards, digits=4) == text
+    assert rounded(1 / 3, upwards, digits=4, scientific=True) == text
 
 
 def test_infinite_bounds_are_shown_as_they_are():
-    assert rounded(float("inf"), True) == "+inf"
-    assert rounded(float("-inf"), False, scientific=False) == "-inf"
+    assert rounded(float("inf"), True, scientific=True) == "+inf"
+    assert rounded(float("-inf"), False) == "-inf"
