@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.errors import DataError, SetidError
 
 __all__ = [
+    "MOST_TERMS",
     "FrozenMapping",
     "channels_of",
     "entries_of",
@@ -30,6 +31,8 @@ __all__ = [
 
 K = TypeVar("K")
 V = TypeVar("V")
+
+MOST_TERMS = 10_000  # orders, channels and exponents of a structure
 
 
 class FrozenMapping(Mapping[K, V]):

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import natural, number, switch, word
+from setid.data.checks import MOST_TERMS, natural, number, switch, word
 from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
@@ -154,8 +154,8 @@ class ContinuousTransferFunction(InNotebook):
         initial: Initial = "free",
         offset: bool = False,
     ) -> None:
-        order = natural(n, "n", ModelError, least=1)
-        degree = natural(m, "m", ModelError)
+        order = natural(n, "n", ModelError, least=1, most=MOST_TERMS)
+        degree = natural(m, "m", ModelError, most=MOST_TERMS)
         for field, value, known in (
             ("method", method, get_args(Method)),
             ("hold", hold, get_args(Hold)),

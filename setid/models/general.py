@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import entries_of, natural, number, word
+from setid.data.checks import MOST_TERMS, entries_of, natural, number, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Structure, Transfer, channel_of
 from setid.models.html import InNotebook
@@ -96,8 +96,8 @@ def read_maps(
     ModelError
         Naming the signal.
     """
-    inputs = natural(channels[0], "inputs", ModelError, least=1)
-    outputs = natural(channels[1], "outputs", ModelError, least=1)
+    inputs = natural(channels[0], "inputs", ModelError, least=1, most=MOST_TERMS)
+    outputs = natural(channels[1], "outputs", ModelError, least=1, most=MOST_TERMS)
     if not isinstance(nonlinear, Mapping):
         raise ModelError(f"nonlinear: found {type(nonlinear).__name__}, expected a mapping")
     for name, item in nonlinear.items():

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import natural, switch, word
+from setid.data.checks import MOST_TERMS, natural, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
 from setid.models.html import InNotebook
@@ -100,8 +100,12 @@ class TransferFunction(InNotebook):
         initial: Initial = "free",
         form: Form = "auto",
     ) -> None:
-        columns = natural(inputs, "inputs", ModelError, least=1)
-        rows = natural(outputs, "outputs", ModelError, least=1)
+        columns = natural(inputs, "inputs", ModelError, least=1, most=MOST_TERMS)
+        rows = natural(outputs, "outputs", ModelError, least=1, most=MOST_TERMS)
+        if rows * columns > MOST_TERMS:
+            raise ModelError(
+                f"inputs, outputs: found {columns * rows} pairs, expected at most {MOST_TERMS}"
+            )
         word(initial, "initial", ("free", "zero"), ModelError)
         word(form, "form", get_args(Form), ModelError)
         fields: dict[str, Any] = {
@@ -158,8 +162,8 @@ class TransferFunction(InNotebook):
         output, input : int
             Channels, from 1.
         """
-        output = natural(output, "output", ModelError, least=1)
-        input = natural(input, "input", ModelError, least=1)
+        output = natural(output, "output", ModelError, least=1, most=MOST_TERMS)
+        input = natural(input, "input", ModelError, least=1, most=MOST_TERMS)
         if not (output <= self.outputs and input <= self.inputs):
             raise ModelError(
                 f"output, input: found {output}, {input}, expected at most "
@@ -270,7 +274,9 @@ def _orders(given: object, field: str, outputs: int, inputs: int, least: int = 0
             f"outputs={outputs} and inputs={inputs}"
         )
     full = np.broadcast_to(table, (outputs, inputs)).tolist()
-    return tuple(tuple(natural(v, field, ModelError, least) for v in row) for row in full)
+    return tuple(
+        tuple(natural(v, field, ModelError, least, most=MOST_TERMS) for v in row) for row in full
+    )
 
 
 def expand(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:

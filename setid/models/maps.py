@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import entries_of, natural, real_array
+from setid.data.checks import MOST_TERMS, entries_of, natural, real_array
 from setid.errors import ModelError
 
 __all__ = ["Function", "StaticMap"]
@@ -66,7 +66,9 @@ class StaticMap:
                     f"StaticMap.basis: found {basis} for {len(names)} arguments, expected "
                     "exponents such as [(1, 0), (1, 1)]"
                 )
-            entries = range(1, natural(basis, "StaticMap.basis", ModelError, least=1) + 1)
+            entries = range(
+                1, natural(basis, "StaticMap.basis", ModelError, least=1, most=MOST_TERMS) + 1
+            )
         if isinstance(entries, str) or not hasattr(entries, "__iter__"):
             raise ModelError(
                 f"StaticMap.basis: found {basis!r}, expected a number of powers or a list"
@@ -88,7 +90,7 @@ class StaticMap:
             raise ModelError(
                 f"{field}: found {item!r}, expected {len(self.arguments)} exponents or a function"
             )
-        found = tuple(natural(power, field, ModelError) for power in powers)
+        found = tuple(natural(power, field, ModelError, most=MOST_TERMS) for power in powers)
         return found
 
     @property

@@ -6,11 +6,12 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
+from math import comb
 from typing import Any
 
 import numpy as np
 
-from setid.data.checks import entries_of, natural, switch, word
+from setid.data.checks import MOST_TERMS, entries_of, natural, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Transfer, term
 from setid.models.html import InNotebook
@@ -87,10 +88,10 @@ class PolynomialNARX(InNotebook):
     ) -> None:
         word(initial, "initial", ("free", "zero"), ModelError)
         fields: dict[str, Any] = {
-            "ny": natural(ny, "ny", ModelError),
-            "nu": natural(nu, "nu", ModelError),
-            "inputs": natural(inputs, "inputs", ModelError, least=1),
-            "outputs": natural(outputs, "outputs", ModelError, least=1),
+            "ny": natural(ny, "ny", ModelError, most=MOST_TERMS),
+            "nu": natural(nu, "nu", ModelError, most=MOST_TERMS),
+            "inputs": natural(inputs, "inputs", ModelError, least=1, most=MOST_TERMS),
+            "outputs": natural(outputs, "outputs", ModelError, least=1, most=MOST_TERMS),
             "initial": initial,
             "degree_cut": switch(degree_cut, "degree_cut", ModelError),
         }
@@ -131,9 +132,16 @@ class PolynomialNARX(InNotebook):
         constant : bool
             Whether the constant monomial belongs to them.
         """
-        top = natural(degree, "degree", ModelError, least=1)
+        top = natural(degree, "degree", ModelError, least=1, most=MOST_TERMS)
         bare = cls(["1"], ny, nu, inputs, 1, initial, degree_cut)
-        shell = _regressors(bare.ny, bare.nu, bare.inputs, natural(outputs, "outputs", ModelError))
+        shell = _regressors(
+            bare.ny, bare.nu, bare.inputs, natural(outputs, "outputs", ModelError, most=MOST_TERMS)
+        )
+        if comb(len(shell) + top, top) > MOST_TERMS:
+            raise ModelError(
+                f"degree: found {top} of {len(shell)} regressors, more than {MOST_TERMS} "
+                "monomials, expected fewer"
+            )
         texts = ["1"] if constant else []
         single = inputs == outputs == 1
         for size in range(1, top + 1):
@@ -188,7 +196,9 @@ class PolynomialNARX(InNotebook):
                 f"terms[{place}]: found shape {table.shape}, expected text or "
                 f"{len(shell)} exponents, of {', '.join(self.regressors)}"
             )
-        powers = [natural(p, f"terms[{place}]", ModelError) for p in table.tolist()]
+        powers = [
+            natural(p, f"terms[{place}]", ModelError, most=MOST_TERMS) for p in table.tolist()
+        ]
         factors = [r for r, power in zip(shell, powers, strict=True) for _ in range(power)]
         return tuple(sorted(factors, key=_rank))
 

@@ -1,7 +1,7 @@
 "use strict";
 // The page of `setid serve`: sends a record, starts a job, shows what it has so far.
 const by = (id) => document.getElementById(id);
-let record = null, job = null, shown = 0;
+let file = null, record = null, job = null, shown = 0;
 
 async function ask(path, options = {}) {
   const headers = { "X-Setid": "page", ...(options.headers || {}) };
@@ -21,10 +21,12 @@ function complain(error) {
   by("error").hidden = !error;
 }
 
-async function send(file) {
+async function send(chosenFile) {
+  file = chosenFile;
   complain(null);
   try {
-    const found = await ask("/records", { method: "POST", body: file });
+    const decimal = encodeURIComponent(by("decimal").value);
+    const found = await ask(`/records?decimal=${decimal}`, { method: "POST", body: file });
     record = found.record;
     by("about").textContent = `${file.name}: ${found.samples} samples, ${found.columns.length} columns`;
     for (const [id, chosen] of [["inputs", 0], ["outputs", found.columns.length - 1]]) {
@@ -106,6 +108,7 @@ function show(found) {
 }
 
 by("file").addEventListener("change", () => by("file").files[0] && send(by("file").files[0]));
+by("decimal").addEventListener("change", () => file && send(file));
 by("form").addEventListener("submit", (event) => { event.preventDefault(); start(); });
 by("stop").addEventListener("click", () => ask(`/jobs/${job}`, { method: "DELETE" }).then(show, complain));
 for (const [kind, over] of [["dragover", true], ["dragleave", false], ["drop", false]]) {

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import sparsepop_py as sp
+from setid.data.checks import word
 from setid.data.record import IOData
 from setid.data.tables import column_names
 from setid.errors import DataError, SetidError
@@ -41,6 +42,14 @@ def _flask() -> Any:
             "serve: flask is missing; install it with: pip install 'sparsepop-py[serve]'"
         ) from error
     return flask
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A table that was sent, and its decimal mark."""
+
+    path: Path
+    decimal: str
 
 
 @dataclass(eq=False)
@@ -96,19 +105,21 @@ class Jobs:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._lock, self._count = folder, threading.Lock(), 0
-        self._records: dict[str, Path] = {}
+        self._records: dict[str, _Table] = {}
         self._jobs: dict[str, _Job] = {}
 
     def _name(self) -> str:
         self._count += 1
         return str(self._count)
 
-    def add_record(self, content: bytes) -> tuple[str, dict[str, Any]]:
+    def add_record(self, content: bytes, decimal: str = ".") -> tuple[str, dict[str, Any]]:
         """Keep a table and say what is in it.
 
         Parameters
         ----------
         content : bytes
+        decimal : {".", ","}
+            The decimal mark.
 
         Raises
         ------
@@ -120,17 +131,18 @@ class Jobs:
             path = self._folder / f"record{name}.csv"
         path.write_bytes(content)
         try:
-            columns = column_names(path)
-            data = IOData.from_csv(path, 0, max(len(columns) - 1, 0)) if len(columns) > 1 else None
-            if data is None:
+            word(decimal, "decimal", (".", ","), DataError)
+            columns = column_names(path, decimal)
+            if len(columns) < 2:
                 raise DataError("record: found one column, expected an input and an output")
+            data = IOData.from_csv(path, 0, len(columns) - 1, decimal=decimal)
         except SetidError as error:
             path.unlink()
             raise DataError(str(error).replace(str(path), "the file")) from None
         with self._lock:
-            self._records[name] = path
+            self._records[name] = _Table(path, decimal)
             for old in list(self._records)[:-_MOST_KEPT]:
-                self._records.pop(old).unlink(missing_ok=True)
+                self._records.pop(old).path.unlink(missing_ok=True)
         return name, {"columns": columns, "samples": data.samples}
 
     def start(self, record: Any, given: dict[str, Any]) -> str:
@@ -147,13 +159,13 @@ class Jobs:
         SetidError
             If a field is wrong.
         """
-        path = self._records.get(record) if isinstance(record, str) else None
-        if path is None:
+        table = self._records.get(record) if isinstance(record, str) else None
+        if table is None:
             raise DataError("record: found none of this name, expected one that was sent")
         try:
-            form: Form = read_form(path, given)
+            form: Form = read_form(table.path, given, table.decimal)
         except SetidError as error:
-            raise SetidError(str(error).replace(str(path), "the file")) from None
+            raise SetidError(str(error).replace(str(table.path), "the file")) from None
         with self._lock:
             for job in self._jobs.values():
                 job.stop()
@@ -212,7 +224,9 @@ class _Routes:
 
     def add_record(self) -> Any:
         """Take a table."""
-        name, found = self._jobs.add_record(self._flask.request.get_data())
+        request = self._flask.request
+        decimal = request.args.get("decimal", ".")
+        name, found = self._jobs.add_record(request.get_data(), decimal)
         return {"record": name, **found}
 
     def start(self) -> Any:

@@ -60,7 +60,7 @@ class Form:
     seconds: float
 
 
-def read_form(path: Path, given: Mapping[str, Any]) -> Form:
+def read_form(path: Path, given: Mapping[str, Any], decimal: str = ".") -> Form:
     """Check the fields of a form for the record of a file.
 
     Parameters
@@ -71,6 +71,8 @@ def read_form(path: Path, given: Mapping[str, Any]) -> Form:
         ``inputs``, ``outputs`` (names or numbers of columns), ``Ts``, ``samples`` (0: all),
         ``structure``, ``na``, ``nb``, ``nk``, ``offset``, ``equation``, ``output``, ``input``,
         ``stable`` and ``seconds``.
+    decimal : {".", ","}
+        The decimal mark of the table.
 
     Raises
     ------
@@ -78,7 +80,8 @@ def read_form(path: Path, given: Mapping[str, Any]) -> Form:
         Naming the field, what was found and what was expected.
     """
     inputs, outputs = (_columns(given, field) for field in ("inputs", "outputs"))
-    data = IOData.from_csv(path, inputs, outputs, _number(given, "Ts", 1.0, 0.0))
+    Ts = _number(given, "Ts", 1.0, 0.0)
+    data = IOData.from_csv(path, inputs, outputs, Ts, decimal=decimal)
     if data.samples > MOST_SAMPLES:
         raise DataError(f"record: found {data.samples} samples, expected at most {MOST_SAMPLES}")
     count = _whole(given, "samples", 0, data.samples)

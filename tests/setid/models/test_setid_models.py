@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -173,3 +176,23 @@ def test_transfer_functions_print_as_they_are_made() -> None:
         TransferFunction(2, 1, 1, 2, 2, common_denominator=True),
     ):
         assert eval(repr(model), {"TransferFunction": TransferFunction}) == model
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: setid.TransferFunction(10**400, 1), "na"),
+        (lambda: setid.TransferFunction(1, 1, 10**9), "nk"),
+        (lambda: setid.TransferFunction(1, 1, inputs=200, outputs=200), "inputs, outputs"),
+        (lambda: setid.Hammerstein(setid.TransferFunction(1, 1), 10**400), "StaticMap.basis"),
+        (lambda: setid.StaticMap("u1", [10**9]), "StaticMap.basis[0]"),
+        (lambda: setid.PolynomialNARX.full(5, ny=50, nu=50), "degree"),
+        (lambda: setid.PolynomialNARX(["1"], ny=10**9, nu=0), "ny"),
+        (lambda: setid.ContinuousTransferFunction(10**9, 0), "n"),
+    ],
+)
+def test_structures_that_no_machine_holds_are_refused(
+    make: Callable[[], object], field: str
+) -> None:
+    with pytest.raises(setid.ModelError, match=f"{re.escape(field)}: found "):
+        make()
