@@ -51,6 +51,7 @@ def test_rows_of_a_record_and_their_report() -> None:
     assert "| oe order 1 5% | 1 | 1 | 1 | 0 | 100 % |" in report([own, peer])
 
 
+@pytest.mark.slow
 def test_a_record_without_a_finite_box_is_a_row() -> None:
     family = REGISTRY["identify"]
     wanted = Selection(names=("eiv order 3",), sizes=(8,), noises=(10.0,))

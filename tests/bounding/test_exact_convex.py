@@ -53,6 +53,7 @@ def test_convex_forms_with_one_flat_direction():
     assert result.upper_bound - result.lower_bound <= 1e-15
 
 
+@pytest.mark.slow
 def test_contradicting_rows_without_a_box():
     x, y, z = sp.variables(3)
     rows = [x + y + z >= 1, x - z <= -2, y + 2 * z <= 2]  # the sum: 0 >= 1

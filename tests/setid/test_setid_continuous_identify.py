@@ -66,6 +66,7 @@ def test_a_result_says_what_it_takes_for_granted(
     assert any("the recursion is off by 0.0" in note for note in bare.notes)
 
 
+@pytest.mark.slow
 def test_bands_and_models_are_continuous(rates: dict[float, setid.Identification]) -> None:
     result = rates[0.2]
     plant = control.tf([0.5, 2.0], [1.0, 1.2, 2.0])
@@ -90,6 +91,7 @@ def test_bands_and_models_are_continuous(rates: dict[float, setid.Identification
     assert models.weight.poles().real.max() < 0
 
 
+@pytest.mark.slow
 def test_proved_outputs_hold_the_recursion_of_the_truth(
     rates: dict[float, setid.Identification],
 ) -> None:
@@ -258,6 +260,7 @@ def test_estimate_is_settled_by_identify_and_listed() -> None:
     assert result.verify()
 
 
+@pytest.mark.slow
 def test_consistency_counts_delta_as_noise() -> None:
     data, error = sampled(0.4, 8)
     plain = setid.consistency(data, C(2, 1), setid.Noise(output=0.02), options=QUICK)
@@ -278,6 +281,7 @@ def test_delta_is_added_once() -> None:
         setid.estimate_delta(data, model, setid.Noise(0.1), margin=0.5)
 
 
+@pytest.mark.slow
 def test_the_structure_loop_finds_the_order() -> None:
     """A record of the recursion itself, so that order 2 explains it and order 1 cannot."""
     u = levels(0.1, 12)

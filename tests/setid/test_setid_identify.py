@@ -195,6 +195,7 @@ def test_an_unstable_record() -> None:
     assert setid.identify(truth.data, model, noise, [setid.Stable()], QUICK).empty
 
 
+@pytest.mark.slow
 def test_large_outputs_and_gains() -> None:
     noise, theta = setid.Noise(output=30.0), [-0.7647, 0.3012, 0.0, 3224.0, 2141.0]
     truth = record(20, noise, 0, SECOND, theta)
@@ -442,7 +443,9 @@ OFFSET += [
 @pytest.mark.parametrize(
     "model",
     [
-        pytest.param(model, marks=[pytest.mark.slow] if place == 3 else [], id=repr(model))
+        pytest.param(
+            model, marks=[pytest.mark.slow] if place in (0, 2, 3, 4) else [], id=repr(model)
+        )
         for place, model in enumerate(OFFSET)
     ],
 )

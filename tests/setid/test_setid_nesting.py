@@ -96,6 +96,7 @@ def test_permuted_inputs_permute_the_intervals(noise: setid.Noise) -> None:
         assert one.outer[0] <= two.inner[0] and two.inner[1] <= one.outer[1]
 
 
+@pytest.mark.slow
 def test_permuted_inputs_with_denominators_of_their_own() -> None:
     noise, model = setid.Noise(output=0.02), setid.TransferFunction(1, 1, 1, inputs=2)
     u = np.random.default_rng(0).uniform(-1, 1, (10, 2))

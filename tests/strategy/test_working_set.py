@@ -123,6 +123,7 @@ def worth_it(monkeypatch):
     monkeypatch.setattr(working_set, "STRATEGY", settings.StrategySettings(long_star=0.0))
 
 
+@pytest.mark.slow
 def test_a_set_that_would_become_too_large_stays(monkeypatch):
     """Where more constraints do not fit, the bound of the set there is comes first."""
     price = 1.0 * (np.arange(80) < 3)
@@ -173,6 +174,7 @@ def test_an_infeasible_record_is_proved_empty():
     assert all(result.status is Status.INFEASIBLE for result in results)
 
 
+@pytest.mark.slow
 def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch):
     monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
     monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)  # the set stays too small

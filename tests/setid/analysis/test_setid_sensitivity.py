@@ -79,6 +79,7 @@ def test_intervals_grow_with_the_factor_and_contain_those_of_less_noise() -> Non
     assert "empty" in found.table() and "factor" in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_output_errors_lose_signs_in_a_proved_bracket() -> None:
     model = setid.TransferFunction(1, 1, 1)
     u = np.random.default_rng(0).uniform(-1, 1, 20)

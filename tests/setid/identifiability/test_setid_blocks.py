@@ -248,6 +248,7 @@ def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
     yield replace(result, formulation=less)  # the reference knows nothing of the prior
 
 
+@pytest.mark.slow
 def test_structures_without_normalisation_are_refused_or_reported() -> None:
     bare = setid.Hammerstein(ONE, 3)
     truth = simulated("hammerstein", 0.02)
