@@ -183,7 +183,7 @@ def test_transfer_functions_print_as_they_are_made() -> None:
     [
         (lambda: setid.TransferFunction(10**400, 1), "na"),
         (lambda: setid.TransferFunction(1, 1, 10**9), "nk"),
-        (lambda: setid.TransferFunction(1, 1, inputs=200, outputs=200), "inputs, outputs"),
+        (lambda: setid.TransferFunction(1, 1, inputs=2000, outputs=2000), "inputs, outputs"),
         (lambda: setid.Hammerstein(setid.TransferFunction(1, 1), 10**400), "StaticMap.basis"),
         (lambda: setid.StaticMap("u1", [10**9]), "StaticMap.basis[0]"),
         (lambda: setid.PolynomialNARX.full(5, ny=50, nu=50), "degree"),
