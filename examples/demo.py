@@ -80,14 +80,9 @@ def row(name: str, order: int, result: sp.Result, seconds: float) -> str:
     gap = f"{result.gap:.1e}" if math.isfinite(result.gap) else "open"
     return COLUMNS.format(
         *(name, problem.dimension, problem.sense, order, result.status),
-        *(shown(proved, maximise), shown(attained, not maximise), gap),
+        *(sp.rounded(proved, maximise), sp.rounded(attained, not maximise), gap),
         *(f"{seconds:.2f}", "yes" if verified else "no"),
     )
-
-
-def shown(value: float, upwards: bool) -> str:
-    """Ten digits, rounded to the safe side."""
-    return sp.rounded(value, upwards)
 
 
 def draw(result: sp.Result, path: Path) -> plt.Figure:

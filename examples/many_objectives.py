@@ -9,7 +9,6 @@ import numpy as np
 
 import sparsepop_py as sp
 
-shown = sp.rounded
 A, B, NOISE = 0.6, 1.5, 0.05
 u = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 z = [0.0]
@@ -28,6 +27,6 @@ for name, true, low, high in (("a", A, *results[:2]), ("b", B, *results[2:])):
     outer = low.lower_bound, -high.lower_bound  # rounded outwards to be shown
     inner = low.upper_bound, -high.upper_bound  # rounded inwards
     print(f"{name}  true value {true}")
-    print(f"   outer (proved)    [{shown(outer[0], False)}, {shown(outer[1], True)}]")
-    print(f"   inner (attained)  [{shown(inner[0], True)}, {shown(inner[1], False)}]")
+    print(f"   outer (proved)    [{sp.rounded(outer[0], False)}, {sp.rounded(outer[1], True)}]")
+    print(f"   inner (attained)  [{sp.rounded(inner[0], True)}, {sp.rounded(inner[1], False)}]")
 print("one relaxation for all:", all(r.relaxation is results[0].relaxation for r in results))

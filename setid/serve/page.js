@@ -21,8 +21,8 @@ function complain(error) {
   by("error").hidden = !error;
 }
 
-async function send(chosenFile) {
-  file = chosenFile;
+async function send(given) {
+  file = given;
   complain(null);
   try {
     const decimal = encodeURIComponent(by("decimal").value);

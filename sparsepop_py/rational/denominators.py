@@ -179,8 +179,7 @@ def _by_relaxations(
                 break
     raise DenominatorError(
         f"denominator {q}: its sign is not proved where the polynomial constraints and bounds "
-        f"hold, only {rounded(low, False, 12)} <= q <= "
-        f"{rounded(high, True, 12)}"
+        f"hold, only {rounded(low, False, 12)} <= q <= {rounded(high, True, 12)}"
         + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
         + "; expected bounds or constraints that keep it away from zero"
         + (", or a longer time limit" if not seen and options.time_limit is not None else "")

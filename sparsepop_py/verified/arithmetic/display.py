@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from numbers import Integral, Real
+
+from sparsepop_py.errors import ProblemError
 
 __all__ = ["rounded"]
 
@@ -17,13 +20,18 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Fa
     upwards : bool
         True for upper bounds, False for lower bounds.
     digits : int
-        Significant digits, at most 15.
+        Significant digits, 1 to 15.
     scientific : bool
         With sign and exponent, for columns; by default in the shortest form.
 
     Returns
     -------
     str
+
+    Raises
+    ------
+    ProblemError
+        If the value is no double, such as a fraction, or the digits are out of range.
 
     Examples
     --------
@@ -32,6 +40,11 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Fa
     >>> rounded(-0.50000001, upwards=False, digits=7)
     '-0.5000001'
     """
+    if not isinstance(value, Real) or not _is_double(value):
+        raise ProblemError(f"value: found {value!r:.60}, expected a number that is a double")
+    if not isinstance(digits, Integral) or not 1 <= digits <= 15:
+        raise ProblemError(f"digits: found {digits!r:.60}, expected an integer from 1 to 15")
+    value = float(value)
     form = f"+.{digits - 1}e" if scientific else f".{digits}g"
     if not math.isfinite(value):
         return format(value, form)
@@ -41,6 +54,14 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Fa
     while _inside(format(shown, form), value, upwards):  # subnormal numbers have few digits
         shown = math.nextafter(shown, outwards)
     return format(shown, form)
+
+
+def _is_double(value: Real) -> bool:
+    """Check that nothing is lost when the value becomes a double."""
+    try:
+        return bool(value != value or float(value) == value)
+    except OverflowError:
+        return False
 
 
 def _inside(text: str, value: float, upwards: bool) -> bool:

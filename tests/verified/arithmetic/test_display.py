@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.verified.arithmetic.display import rounded
 
 SMALLEST = 5e-324  # 2^-1074
@@ -45,3 +47,20 @@ def test_a_third_in_four_digits(upwards, text):
 def test_infinite_bounds_are_shown_as_they_are():
     assert rounded(float("inf"), True, scientific=True) == "+inf"
     assert rounded(float("-inf"), False) == "-inf"
+
+
+def test_other_kinds_of_doubles_are_shown_outwards():
+    assert rounded(np.float32(0.1), False, 15) == "0.100000001490116"  # it is 0.1000000014901161...
+    assert rounded(2**53, True) == "9.007199255e+15"
+
+
+@pytest.mark.parametrize("value", [Fraction(1, 3), "nan", 2**53 + 1, 10**400, None, 1j])
+def test_what_is_no_double_is_refused(value):
+    with pytest.raises(ProblemError, match="^value: found "):
+        rounded(value, True)
+
+
+@pytest.mark.parametrize("digits", [0, 16, 2.0, "5"])
+def test_digits_have_limits(digits):
+    with pytest.raises(ProblemError, match="^digits: found "):
+        rounded(0.5, True, digits)
