@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import number
-from setid.data.digits import rounded
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
@@ -54,6 +53,7 @@ from setid.proofs.parameter_box import start_of
 from sparsepop_py.budget import Deadline
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 if TYPE_CHECKING:

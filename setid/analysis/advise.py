@@ -17,7 +17,6 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.checks import FrozenMapping, frozen
-from setid.data.digits import rounded
 from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
@@ -26,6 +25,7 @@ from setid.html import listing, section
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
 from sparsepop_py.lp.scaled import solve_scaled
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen, word
-from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
@@ -56,6 +55,7 @@ from setid.proofs.least_noise.least_error import (
 from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

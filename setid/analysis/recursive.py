@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen, natural, number, real_array
-from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning
@@ -39,6 +38,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box, start_of
 from setid.proofs.verification import verify
 from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -438,7 +438,7 @@ class Recursive:
     def summary(self) -> str:
         """Describe intervals, what they rest on, and the cost."""
         lines = [
-            f"{i.name} in [{rounded(i.outer[0], False)}, {rounded(i.outer[1], True)}]"
+            f"{i.name} in [{rounded(i.outer[0], False, 8)}, {rounded(i.outer[1], True, 8)}]"
             if self.inconsistent_at is None
             else f"{i.name}: empty"
             for i in self.intervals.values()
@@ -468,7 +468,7 @@ class Recursive:
 
     def _repr_html_(self) -> str:
         rows = [
-            (i.name, rounded(i.outer[0], False), rounded(i.outer[1], True), i.status)
+            (i.name, rounded(i.outer[0], False, 8), rounded(i.outer[1], True, 8), i.status)
             for i in self.intervals.values()
         ]
         head = ["parameter", "outer (proved)", "", "status"]

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen
-from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.inner_ends import loosened
@@ -31,6 +30,7 @@ from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import optional, parsed
 from sparsepop_py.io.json_files.values import PROVED_POINT
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Reparametrisation", "reparametrise"]
 
@@ -85,10 +85,10 @@ class Reparametrisation:
         line = "{:<12}{:>15}{:>15}{:>15}{:>15}  {}"
         lines = [line.format("parameter", "outer", "", "inner", "", "status")]
         for name, item in self.intervals.items():
-            outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+            outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
             inner = ("-", "-")
             if item.inner is not None:
-                inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
+                inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
             outer = ("empty", "") if self.empty else outer
             lines.append(line.format(name, *outer, *inner, item.status))
         return "\n".join(lines)

@@ -22,7 +22,6 @@ import sparsepop_py as sp
 from setid.analysis.terms import sparse_terms, without, without_idle
 from setid.consistency import consistency
 from setid.data.checks import entries_of, natural, number, switch
-from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError, warns_once
@@ -36,6 +35,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.dispatch import completed
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
-from setid.data.digits import rounded
 from setid.data.frames import require_pandas
 from setid.errors import NoiseError, SetidError, warns_once
 from setid.formulation.formulation import Formulation
@@ -36,6 +35,7 @@ from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.parameter_box import start_of
 from setid.result.identification import Identification
 from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +151,11 @@ class Sensitivity:
         for k, factor in enumerate(self.factors):
             for i, name in enumerate(self.names):
                 low, high = self.outer[k, i]
-                ends = ("empty", "") if low > high else (rounded(low, False), rounded(high, True))
+                ends = (
+                    ("empty", "")
+                    if low > high
+                    else (rounded(low, False, 8), rounded(high, True, 8))
+                )
                 rows.append((f"{factor:g}", name, *ends, _SIGN[int(self.signs[k, i])]))
         return rows
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from setid.bands.enclosing import Accuracy, band_of, rows_of
 from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch, word
-from setid.data.digits import rounded
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -19,6 +18,7 @@ from setid.models.equations import Structure
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow
 from setid.simulation.simulate import simulate
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.digits import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
 

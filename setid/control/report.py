@@ -16,7 +16,7 @@ from setid.control.engine import SetidError
 from setid.control.loops import LoopMargins, loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
 from setid.control.specification import SpecifiedModel
-from setid.data.digits import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,8 @@ from setid.control.engine import (
     frozen,
     real_array,
 )
-from setid.data.digits import all_digits, rounded
+from setid.data.digits import all_digits
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Undershoot", "undershoot"]
 

@@ -1,28 +1,8 @@
-"""Write numbers for people: proved ones rounded in one direction, assumed ones in full."""
+"""Write assumptions for people: numbers in full."""
 
 from __future__ import annotations
 
-from sparsepop_py.verified.arithmetic import display
-
-__all__ = ["all_digits", "rounded"]
-
-
-def rounded(value: float, up: bool, digits: int = 8) -> str:
-    """Write a number in the given digits, rounded in one direction.
-
-    Parameters
-    ----------
-    value : float
-    up : bool
-        Towards plus infinity; otherwise towards minus infinity.
-    digits : int
-
-    Examples
-    --------
-    >>> rounded(2 / 3, True, 3), rounded(2 / 3, False, 3)
-    ('0.667', '0.666')
-    """
-    return display.rounded(value, up, digits)
+__all__ = ["all_digits"]
 
 
 def all_digits(value: float) -> str:

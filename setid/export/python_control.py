@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.bands.responses import frequency_band
 from setid.data.checks import frozen, word
-from setid.data.digits import rounded
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid, transfer_of
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 

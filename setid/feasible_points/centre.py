@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen, real_array
-from setid.data.digits import rounded
 from setid.errors import SetidError
 from setid.feasible_points.members import ROUNDING, noise_level
 from setid.feasible_points.witness import consistent
@@ -19,6 +18,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 

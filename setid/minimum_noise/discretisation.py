@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen, number
-from setid.data.digits import all_digits, rounded
+from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
@@ -35,6 +35,7 @@ from setid.proofs.least_noise.noise_scale import admitted_point, problem_with_fa
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from setid.data.digits import rounded
 from setid.errors import ModelError
 from setid.models.block import BlockStructured
 from setid.plots.axes import ink, new_axes, require_matplotlib
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

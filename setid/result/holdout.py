@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from setid.data.digits import rounded
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
@@ -18,6 +17,7 @@ from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Holdout", "members", "stated"]
 

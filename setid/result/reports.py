@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.digits import rounded
 from setid.data.record import IOData
 from setid.feasible_points.centre import central
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -18,6 +17,7 @@ from setid.formulation.formulation import Formulation
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = [
     "Remarks",
@@ -44,8 +44,8 @@ def table(result: FeasibleSet) -> str:
     for item in result.intervals.values():
         inner = ("-", "-")
         if item.inner is not None:
-            inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
-        outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+            inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
+        outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
         if result.empty:
             outer = ("empty", "")
         lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
@@ -65,8 +65,8 @@ def html(result: FeasibleSet, remarks: Remarks) -> str:
     for item in result.intervals.values():
         inner = ("", "")
         if item.inner is not None:
-            inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
-        outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+            inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
+        outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
         ends = ("empty", "", "", "") if result.empty else (*outer, *inner)
         rows.append((item.name, *ends, f"{item.width:.3g}", item.status))
     head = ["parameter", "outer (proved)", "", "inner (attained)", "", "width", "status"]

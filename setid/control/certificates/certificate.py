@@ -38,7 +38,7 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
-from setid.data.digits import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

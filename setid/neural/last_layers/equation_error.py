@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
-from setid.data.digits import rounded
 from setid.neural.arithmetic import Interval, at_least, nowhere_above, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
 

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import natural, number
-from setid.data.digits import rounded
 from setid.neural.arithmetic import (
     Interval,
     LinearModel,
@@ -37,6 +36,7 @@ from setid.neural.models.regressor import RegressorNetwork, check_record
 from setid.neural.simulations.forms import Form
 from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
 from setid.neural.status import Status, agreed
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["OutputError", "output_error"]
 

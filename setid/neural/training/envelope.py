@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
-from setid.data.digits import rounded
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Envelope", "envelope"]
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
 from setid.data.checks import FrozenMapping, frozen
-from setid.data.digits import all_digits, rounded
+from setid.data.digits import all_digits
 from setid.neural.arithmetic import Interval, LinearModel, down, up
 from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of
@@ -30,6 +30,7 @@ from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.weight_boxes import WeightProgram
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]
 

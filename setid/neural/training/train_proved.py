@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, word
-from setid.data.digits import rounded
 from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
@@ -42,6 +41,7 @@ from setid.neural.training.weight_boxes import (
     prove_boxes,
     reaches,
 )
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["ProvedTraining", "train_proved"]
 

@@ -12,9 +12,9 @@ import pytest
 from identified_cases import first_order, result_of
 
 import setid
-from setid.data.digits import rounded
 from setid.feasible_points.members import nominal
 from setid.result.progress import Progress
+from sparsepop_py.verified.arithmetic.display import rounded
 
 STATUS = setid.IntervalStatus
 
