@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
+from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import cover_of
 from setid.formulation.units import in_units
@@ -49,6 +50,11 @@ def solved_heights(
         Proved upper bounds, infinite where the engine has none.
     points : (M, p) float
         Consistent parameter vectors that the engine found.
+
+    Raises
+    ------
+    SetidError
+        If the engine proves that the set is empty, which the result does not say.
     """
     formulation = result.formulation
     scaled = in_units(result.problem, formulation)
@@ -63,6 +69,8 @@ def solved_heights(
         if admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
     ]
     heights = -np.array([r.lower_bound for r in found]) * factors
+    if np.any(heights == -inf):
+        raise SetidError("result: found a set that is now proved empty: identify the record again")
     heights = np.where(np.isnan(heights), inf, heights + 4 * _EPS * np.abs(heights))
     return heights, np.reshape(points, (-1, p))
 

@@ -189,10 +189,11 @@ def test_banded_squares_end_at_their_zero(n):
 
 @pytest.mark.slow
 def test_what_no_memory_holds_is_not_tried_for_a_box_either():
-    """Blocks of 120 in 23 cliques: some 15 GB."""
-    result = sp.solve(sp.Problem(problems.broyden_banded(30).objective))
+    """Blocks of 120 in 23 cliques: some 15 GB. Those of monomials that occur are smaller."""
+    problem = sp.Problem(problems.broyden_banded(30).objective)
+    result = sp.solve(problem, sp.Options(memory_limit=1e7))
     assert result.status is sp.Status.UNPROVED
-    assert "needs more than 5 GB" in result.notes[0]
+    assert "needs more than 0.01 GB" in result.notes[0]
     output = sp.sparsePOP("BroydenBand(30)", {"printLevel": 0, "tighten": 0, "SDPsolverSW": 0})
     assert output.SDPinfo.rowSizeA == 0
     assert not any("was built" in note for note in output.POP.result.notes)

@@ -83,17 +83,28 @@ def test_the_exact_outline_is_the_limit_of_many_directions() -> None:
         assert (shadow.outline @ normal).max() == pytest.approx(high, abs=1e-5)
 
 
+def output_errors(bound: float) -> setid.Identification:
+    """Outer intervals [-.7, -.2] and [1.7, 2.4] of a record that needs an output noise of .2922."""
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(output=bound)
+    formulation = setid.formulate(laboratory_two_first(), model, noise)
+    return identified(formulation, [(-0.7, -0.2), (1.7, 2.4)])
+
+
 @pytest.mark.slow
 def test_output_errors_are_covered() -> None:
-    model, noise = setid.TransferFunction(1, 1), setid.Noise(output=0.2)
-    formulation = setid.formulate(laboratory_two_first(), model, noise)
-    result = identified(formulation, [(-0.7, -0.2), (1.7, 2.4)])
+    result = output_errors(0.4)
     shadow = project(result, "a1", "b0", directions=8)
     assert not shadow.exact and len(shadow.directions) == 12
-    for a1 in np.linspace(-0.7, -0.2, 7):
-        for b0 in np.linspace(1.7, 2.4, 7):
-            if setid.least_noise(formulation, [a1, b0]).level <= 1.0:
-                assert np.all(shadow.directions @ [a1, b0] <= shadow.heights + 1e-9)
+    grid = [(a1, b0) for a1 in np.linspace(-0.7, -0.2, 11) for b0 in np.linspace(1.7, 2.4, 15)]
+    formulation = result.formulation
+    held = [pair for pair in grid if setid.least_noise(formulation, pair).level <= 1.0]
+    assert len(held) > 3
+    assert np.all(np.array(held) @ shadow.directions.T <= shadow.heights + 1e-9)
+
+
+def test_a_set_that_proves_empty_is_not_drawn() -> None:
+    with pytest.raises(setid.SetidError, match="now proved empty"):
+        project(output_errors(0.2), "a1", "b0", directions=4)
 
 
 def test_bad_arguments() -> None:
