@@ -37,7 +37,7 @@ __all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
-_STEEPEST = 1e300  # slopes beyond this are taken for it
+_STEEPEST = 1e300  # slopes beyond this are taken for it, gradients over slopes no larger
 _FLAT = 1e-6  # of the slope near a start: a slope less than that is no measure of the objective
 _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
@@ -270,9 +270,11 @@ def _slope(
     near = np.clip(x + trust * unit, problem.lower, problem.upper)
     places = x, near, np.clip(x - trust * unit, problem.lower, problem.upper)
     with np.errstate(over="ignore", invalid="ignore"):
-        slopes = [np.abs(problem.objective_row.gradient(at) * unit) for at in places]
-    steep = [float(slope.max(initial=0.0)) for slope in slopes]
+        gradients = [np.abs(problem.objective_row.gradient(at)) for at in places]
+        steep = [float((gradient * unit).max(initial=0.0)) for gradient in gradients]
     slope = max(steep[0], _FLAT * max(steep)) or 1.0
+    least = max(float(gradient.max(initial=0.0)) for gradient in gradients) / _STEEPEST
+    slope = max(slope, least)  # where units are subnormal
     return slope if np.isfinite(slope) else _STEEPEST  # beyond doubles: only the direction counts
 
 

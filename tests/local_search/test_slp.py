@@ -146,3 +146,11 @@ def test_a_start_where_the_objective_is_flat_is_left(end: float) -> None:
     found = sequential_search(problem, np.zeros(2))
     assert np.isfinite(problem.objective(found))
     assert slp.row_prices(problem, np.zeros(2), np.zeros(0, np.int64)).max() < 1e3
+
+
+def test_objectives_over_subnormal_widths_are_scaled_within_doubles() -> None:
+    """Warnings are errors here: a gradient of 16 over a slope of 2^-1050 is no double."""
+    x, y = sp.variables(2)
+    problem = Problem(16 * x + y, [x == y], 0.0, 2.0**-1054)
+    found = sequential_search(problem, np.full(2, 2.0**-1055))
+    assert np.all((found >= 0) & (found <= 2.0**-1054))

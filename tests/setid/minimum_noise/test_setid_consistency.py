@@ -300,7 +300,7 @@ def test_order_3_of_a_measured_record_closes(record: str, samples: int) -> None:
     data = setid.IOData.from_csv(path, inputs="u", outputs="y", Ts=2.0)
     data = setid.IOData(data.u[:samples], data.y[:samples], 2.0)
     model, noise = setid.TransferFunction(3, 3, 1, offset=True), setid.Noise(output=1.0)
-    settings = setid.Options(time_limit=115.0, tol=0.09, progress=False)
+    settings = setid.Options(time_limit=900.0, tol=0.09, progress=False)
     found = setid.consistency(data, model, noise, [setid.Stable()], settings)
     low, high = found.scale
     assert 0.95 * high <= low <= high
