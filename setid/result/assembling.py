@@ -49,6 +49,17 @@ class Outcome:
     nonzero: Nonzero | None = None
 
 
+def stated_problem(outcome: Outcome) -> sp.Problem:
+    """Return the problem on the box, which has to be there.
+
+    Parameters
+    ----------
+    outcome : Outcome
+    """
+    assert outcome.problem is not None
+    return outcome.problem
+
+
 def result_of(
     formulation: Formulation,
     settings: Options,

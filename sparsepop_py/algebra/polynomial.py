@@ -5,7 +5,8 @@ A :class:`Polynomial` is a frozen pair of arrays: words (see
 monomials with one sort, so 10^5 terms in 10^4 variables take milliseconds;
 many terms are added in one pass by :func:`total`. Where doubles cannot hold a sum or a
 product, a polynomial remembers its exact terms (:mod:`sparsepop_py.algebra.exact_terms`), and
-further arithmetic goes on from those.
+further arithmetic goes on from those. The file is long, as constraints are what comparisons of
+polynomials return: neither class is whole without the other.
 """
 
 from __future__ import annotations

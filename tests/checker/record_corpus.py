@@ -120,8 +120,8 @@ def cones() -> Iterator[Case]:
 def identified(case: Case, seconds: float) -> Any:
     """What setid proves of a case; simulated ones and those of cones are treated as if long."""
     short = case[0].startswith(("simulated", "cones"))
-    few = mock.patch("setid.identify._MANY", 5 if short else 200)
-    none = mock.patch("setid.identify.denominator_box", return_value=None)
+    few = mock.patch("setid.bounding.long_records._MANY", 5 if short else 200)
+    none = mock.patch("setid.bounding.simulations.denominator_box", return_value=None)
     simulated_only = none if case[0].startswith("simulated") else nullcontext()
     with warnings.catch_warnings(), few, simulated_only:
         warnings.simplefilter("ignore")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from identification_cases import (
 
 import setid
 import sparsepop_py as sp
+from setid.bounding import engine, linear, methods, simulations
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 3)
@@ -390,6 +390,17 @@ LONG = setid.simulate_record(
 )
 
 
+_STAGES = {
+    "find_box": methods,
+    "cascade_ends": simulations,
+    "tightened_cascade": simulations,
+    "proved_point": simulations,
+    "linear_bounds": sp,
+    "linear_ends": linear,
+    "first_point": engine,
+}
+
+
 @pytest.mark.parametrize(
     ("stage", "noise"),
     [
@@ -407,11 +418,10 @@ def test_an_interrupt_at_any_stage_returns_a_result(
     def interrupt(*given: object) -> None:
         raise KeyboardInterrupt
 
-    module = sys.modules["setid.identify"]
-    monkeypatch.setattr(module.sp if stage == "linear_bounds" else module, stage, interrupt)
+    monkeypatch.setattr(_STAGES[stage], stage, interrupt)
     if stage == "find_box":
         for later in ("cascade_ends", "linear_ends", "first_point"):  # none begins after it
-            monkeypatch.setattr(module, later, lambda *given: pytest.fail("a stage began"))
+            monkeypatch.setattr(_STAGES[later], later, lambda *given: pytest.fail("a stage began"))
     result = setid.identify(LONG.data, setid.TransferFunction(1, 1, 1), noise, options=QUICK)
     assert bool(result.verify()) and not result.empty
     assert all(v in result.intervals[n] for n, v in zip(("a1", "b1"), (-0.5, 2.0), strict=True))

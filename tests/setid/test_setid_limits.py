@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import logging
 import pickle
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.bounding import engine, methods
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.local_search.feasibility import prove_feasible
 
@@ -87,9 +87,9 @@ def test_exact_linear_programs_that_take_too_long_give_way(monkeypatch) -> None:
         assert outer(other)[name][1] - outer(other)[name][0] <= 1.1 * (high - low)
 
 
-@pytest.mark.parametrize("stage", ["find_box", "_start"])
-def test_a_stage_without_time_loses_nothing_else(stage, monkeypatch) -> None:
-    monkeypatch.setattr(sys.modules[setid.identify.__module__], stage, Late())
+@pytest.mark.parametrize(("module", "stage"), [(methods, "find_box"), (engine, "_start")])
+def test_a_stage_without_time_loses_nothing_else(module, stage, monkeypatch) -> None:
+    monkeypatch.setattr(module, stage, Late())
     result = setid.identify(record(), MODEL, NOISE, options=OPTIONS)
     assert holds_the_truth(result)
     assert stage != "find_box" or any("search for a box" in note for note in result.notes)
@@ -104,8 +104,7 @@ def test_points_known_when_time_ends_are_claimed_at_each_end_without_a_proof(mon
     ends = [replace(end, attained=None, upper_bound=np.inf) for end in ends]
     proofs: list[int] = []
     monkeypatch.setattr(sp.ProvedPoint, "recheck", lambda self, about: proofs.append(1))
-    attained = sys.modules[setid.identify.__module__]._attained
-    values = [end.upper_bound for end in attained(ends, points)]
+    values = [end.upper_bound for end in engine._attained(ends, points)]
     assert all(v >= exact for v, exact in zip(values, [0.0, -1.0, 0.0, -1.0], strict=True))
     assert values == pytest.approx([0.0, -1.0, 0.0, -1.0], abs=1e-15)  # rounded upwards
     assert not proofs
@@ -116,7 +115,7 @@ def test_a_search_for_simpler_structures_without_time_loses_nothing_else(monkeyp
     data = setid.IOData([1, 0, -1, 1, 0, 1], [2.1, 0, -1.9, 2, 0.1, 2])
     model, noise = setid.TransferFunction(na=1, nb=2), setid.Noise(output=0.2)
     assert setid.identify(data, model, noise, options=OPTIONS).unbounded is not None
-    monkeypatch.setattr(sys.modules[setid.identify.__module__], "find_unbounded", Late())
+    monkeypatch.setattr(engine, "find_unbounded", Late())
     result = setid.identify(data, model, noise, options=OPTIONS)
     assert result.unbounded is None and bool(result.verify())
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 from identification_cases import laboratory_two_second
 
 import setid
 from setid.analysis.select import _sign_test
+from setid.bounding import methods
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 
@@ -121,7 +120,7 @@ def test_an_interrupt_ends_the_selection(monkeypatch: pytest.MonkeyPatch) -> Non
         calls.append(given)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["setid.identify"], "find_box", interrupt)
+    monkeypatch.setattr(methods, "find_box", interrupt)
     u = np.random.default_rng(4).uniform(-1, 1, 12)
     data = setid.IOData(u, np.append(0.0, u[:-1]))
     found = setid.select(data, setid.TransferFunction, setid.Noise(output=0.1), [1, 2, 3])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from unittest import mock
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 import setid
-import setid.identify
+from setid.bounding import engine, long_records, simulations
 from setid.feasible_points.cascades import cascade_ends, tightened_cascade
 from setid.feasible_set.start import find_box
 from setid.proofs.parameter_box import box_follows, start_of
@@ -105,7 +104,7 @@ def test_what_is_no_simulation_from_readings() -> None:
 def found() -> setid.Identification:
     """By simulations and the engine alone."""
     options = setid.Options(time_limit=60.0, progress=False)
-    with mock.patch("setid.identify.denominator_box", return_value=None):
+    with mock.patch("setid.bounding.simulations.denominator_box", return_value=None):
         return setid.identify(record(260), MODEL, setid.Noise(output=BOUND), options=options)
 
 
@@ -138,13 +137,12 @@ def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_e
 @pytest.mark.parametrize("parted", [True, False])
 def test_the_engine_closes_what_regions_leave_open(monkeypatch, parted: bool) -> None:
     """Records count as long here, and as the longest, from 60 equations on."""
-    module = sys.modules["setid.identify"]
-    monkeypatch.setattr(module, "_MANY", 60)
-    monkeypatch.setattr(module, "_LONG", 60)
-    monkeypatch.setattr(module, "_CELLS", 3)
-    monkeypatch.setattr(module, "_NEAR", np.inf)
-    monkeypatch.setattr(module, "_REGIONS", 60 if parted else 1000)
-    monkeypatch.setattr(module, "denominator_box", lambda *given: None)
+    monkeypatch.setattr(long_records, "_MANY", 60)
+    monkeypatch.setattr(engine, "_LONG", 60)
+    monkeypatch.setattr(simulations, "_CELLS", 3)
+    monkeypatch.setattr(simulations, "_NEAR", np.inf)
+    monkeypatch.setattr(simulations, "_REGIONS", 60 if parted else 1000)
+    monkeypatch.setattr(simulations, "denominator_box", lambda *given: None)
     options = setid.Options(time_limit=60.0, progress=False)
     found = setid.identify(noisy(80), MODEL, setid.Noise(output=0.05), options=options)
     assert (found.box.leaves > 1) == parted

@@ -1,0 +1,205 @@
+"""Bound parameters by the engine, all ends over one feasible set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.bounding.context import BoundingContext
+from setid.bounding.ends import intervals_of
+from setid.bounding.long_records import equations, is_long
+from setid.feasible_points.search import coupled, recheck_results, search_ends
+from setid.feasible_points.start import Repair, first_point
+from setid.formulation.formulation import Formulation
+from setid.formulation.units import InUnits, in_units
+from setid.identifiability.common_factor import find_unbounded
+from setid.minimum_noise.conflicting_samples import conflicting_samples
+from setid.proofs.existence import proved_point, solved_rows
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.parameter_box import objectives
+from setid.proofs.uniqueness.free_parameters import free_parameters
+from setid.proofs.uniqueness.unbounded import Unbounded
+from setid.result.assembling import (
+    Outcome,
+    free_text,
+    signals_text,
+    simpler_text,
+    stated_problem,
+    unbounded_text,
+)
+from setid.result.identification import Identification
+from setid.result.progress import Progress
+from sparsepop_py.verified.points.feasible_point import valued
+
+__all__ = ["by_engine", "without_box"]
+
+_SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_LONG = 1000  # equations beyond which the engine solves no system at once
+
+
+def without_box(
+    formulation: Formulation, context: BoundingContext, outcome: Outcome, loose: NDArray[np.int64]
+) -> Identification:
+    """Say what is proved where some parameters have no finite box.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    context : BoundingContext
+    outcome : Outcome
+        With the problem on the box.
+    loose : (m,) int
+        Places of these parameters.
+    """
+    free, alone = free_parameters(formulation)
+    unbounded: Unbounded | None = None
+    if not free:
+        find = partial(find_unbounded, formulation, context.until)
+        unbounded = context.kept("common factor", find, None)
+    why = (unbounded_text(formulation, loose),) if unbounded is None else simpler_text(unbounded)
+    notes = (*outcome.notes, *(free_text(free) or why))
+    scaled = in_units(stated_problem(outcome), formulation)
+    items = intervals_of(formulation, scaled, (), context.settings.tol)
+    items = [_with_unbounded(item, unbounded, free, alone) for item in items]
+    return context.result(formulation, items, replace(outcome, notes=notes, unbounded=unbounded))
+
+
+def by_engine(
+    formulation: Formulation,
+    context: BoundingContext,
+    outcome: Outcome,
+    loose: bool,
+    points: Sequence[sp.ProvedPoint] = (),
+) -> Identification:
+    """Bound all parameters by the engine, in units: two ends each over one feasible set.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    context : BoundingContext
+    outcome : Outcome
+        With the problem on the box.
+    loose : bool
+        Whether some parameters have no finite box.
+    points : sequence of sparsepop_py.ProvedPoint
+        Points near the ends that are known.
+    """
+    scaled = in_units(stated_problem(outcome), formulation)
+    free, alone = free_parameters(formulation) if loose else ((), None)
+    results = context.timed(
+        "engine", lambda: _solve(formulation, stated_problem(outcome), scaled, context, points)
+    )
+    if any(found.status is sp.Status.INTERRUPTED for found in results):
+        context.deadline.stop()
+    notes = dict.fromkeys([*outcome.notes, *(note for found in results for note in found.notes)])
+    for found in results:
+        for stage, seconds in found.timings.items():
+            key = f"engine: {stage}"
+            context.timings[key] = context.timings.get(key, 0.0) + seconds
+    outcome = replace(outcome, results=results, notes=tuple(notes))
+    if any(r.status is sp.Status.INFEASIBLE for r in results):
+        spent = sum(context.timings[stage] for stage in ("box", "engine"))
+        left = _SEARCH + spent if context.until == inf else context.left
+        options = context.settings.for_engine("absolute")
+        keys = context.timed(
+            "conflicting samples", lambda: conflicting_samples(formulation, options, left)
+        )
+        return context.empty(formulation, replace(outcome, samples=keys))
+    items = intervals_of(formulation, scaled, results, context.settings.tol)
+    items = [_with_unbounded(item, None, free, alone) for item in items]
+    if any(item.status is IntervalStatus.PARTIAL for item in items):
+        why = signals_text(formulation, stated_problem(outcome))
+        outcome = replace(outcome, notes=(*outcome.notes, *why))
+    return context.result(formulation, items, outcome)
+
+
+def _with_unbounded(
+    item: ParameterInterval,
+    unbounded: Unbounded | None,
+    free: tuple[str, ...],
+    witness: NDArray[np.float64] | None,
+) -> ParameterInterval:
+    """An interval with what is proved of parameters that nothing bounds."""
+    if item.name in free:
+        ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
+        return ParameterInterval(item.name, ends, ends, status, (witness, witness))
+    proved = unbounded is not None and item.name in unbounded.names
+    return replace(item, status=IntervalStatus.UNBOUNDED) if proved else item
+
+
+def _solve(
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    context: BoundingContext,
+    known: Sequence[sp.ProvedPoint],
+) -> tuple[sp.Result, ...]:
+    """Bound and attain all ends over one feasible set, in units."""
+    settings = context.settings
+    units = scaled.units[: len(formulation.parameters)].tolist()
+    progress = Progress(
+        formulation.parameters, settings.tol, settings.progress, units, context.on_progress
+    )
+    branch_on = range(len(formulation.parameters)) if coupled(formulation) else None
+    if known:
+        start, points = known[0].x * scaled.units, list(known)
+    else:
+        find = partial(_start, formulation, problem, scaled)
+        start, points = context.kept("start", find, (None, []))
+    engine = settings.for_engine(until=context.deadline.wall_end)
+    if context.deadline.cpu_left is not None:
+        engine = replace(engine, cpu_limit=context.deadline.cpu_left)
+    attained = known or coupled(formulation) or equations(formulation) > _LONG
+    engine = replace(engine, refine="none") if points and attained else engine
+    try:
+        found = sp.solve_each(
+            scaled.problem,
+            [scaled.asked(objective)[0] for objective in objectives(formulation)],
+            engine,
+            start=None if start is None else start / scaled.units,
+            repair=Repair(formulation, problem, scaled.units),
+            points=points,
+            branch_on=branch_on,
+            on_progress=progress.report,
+        )
+        return recheck_results(scaled.problem, _attained(found, points)) if points else tuple(found)
+    finally:
+        progress.close()
+
+
+def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:
+    """Results that claim the best of known points where time ended before one was adopted."""
+    made: list[sp.Result] = []
+    for found in results:
+        if points and found.attained is None and found.status is not sp.Status.INFEASIBLE:
+            best = min((valued(point, found.problem) for point in points), key=lambda p: p.value)
+            found = replace(found, attained=best, upper_bound=best.value)
+        made.append(found)
+    return made
+
+
+def _start(
+    formulation: Formulation, problem: sp.Problem, scaled: InUnits
+) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
+    """Find a consistent vector, and proved points where the engine would find none.
+
+    Those are ends where rows couple samples, and any point of a long record, whose equations are
+    solved one after the other for their newest samples.
+    """
+    start = first_point(formulation, problem)
+    if start is None:
+        return None, []
+    found = [start]
+    if coupled(formulation):
+        found = [end.x for end in search_ends(formulation, problem, start)]
+    elif not is_long(formulation):
+        return start, []
+    known = solved_rows(formulation, scaled.problem)
+    again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
+    return start, [point for point in again if point is not None]

@@ -1,0 +1,42 @@
+"""Tell long records of noisy outputs, which are simulated first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from setid.formulation.formulation import Formulation
+from setid.proofs.simulated.outputs import Recursion, recursion_of
+
+__all__ = ["equations", "is_long", "long_record"]
+
+_MANY = 200  # equations beyond which records of noisy outputs are simulated first
+
+
+def equations(formulation: Formulation) -> int:
+    """Count the equations of a problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    return int(np.count_nonzero(formulation.problem.equality))
+
+
+def is_long(formulation: Formulation) -> bool:
+    """Check for more equations than the engine takes at once without a point to begin with.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    return equations(formulation) > _MANY
+
+
+def long_record(formulation: Formulation) -> Recursion | None:
+    """State a long record of noisy outputs as a simulation; None for other records.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    return recursion_of(formulation) if is_long(formulation) else None

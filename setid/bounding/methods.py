@@ -1,0 +1,163 @@
+"""Choose the methods that bound all parameters of a problem.
+
+    linear in few unknowns            exact linear programs                  linear.py
+    else: a box from the data, then
+      cascades, long noisy outputs    simulations, cones of denominators     simulations.py
+      linear rows beside a prior      linear programs, points at their ends  linear.py
+      all else, and what stays open   the engine, all ends over one set      engine.py
+
+The box of the parameters comes from the data alone and is part of the proof.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+import sparsepop_py as sp
+from setid.bounding.context import BoundingContext
+from setid.bounding.ends import is_closed, is_open
+from setid.bounding.engine import by_engine, without_box
+from setid.bounding.linear import at_linear_ends, by_linear_programs
+from setid.bounding.long_records import long_record
+from setid.bounding.simulations import by_simulation
+from setid.data.checks import FrozenMapping
+from setid.feasible_points.cascades import (
+    cascade_of,
+    is_cascade,
+)
+from setid.feasible_set.start import find_box
+from setid.formulation.formulation import Formulation, formulate
+from setid.minimum_noise.cones.feasible_box import settles
+from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
+from setid.models.block import BlockStructured
+from setid.models.lti import TransferFunction
+from setid.proofs.intervals import IntervalStatus
+from setid.proofs.parameter_box import problem_on_box
+from setid.result.assembling import Outcome
+from setid.result.identification import Identification
+
+__all__ = ["bound_parameters"]
+
+_DIRECT = (
+    "partial outputs have no bounds from the data: the denominators are multiplied out, which "
+    "keeps every consistent parameter vector (and may keep more)"
+)
+_SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
+_NO_BOX = "time ended in the search for a box from the data: give more time"
+_STOPPED = "interrupted in the search for a box from the data"
+_SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+
+
+def bound_parameters(formulation: Formulation, context: BoundingContext) -> Identification:
+    """Bound all parameters; what stays open is also bounded without priors that add unknowns.
+
+    Such a prior makes a larger problem, whose bounds can be weaker when time runs out. What
+    is proved without it holds with it. Cones of denominators do not see what such a prior adds.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    context : BoundingContext
+    """
+    kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
+    by_cones = long_record(formulation) is not None and settles(formulation)
+    if len(kept) == len(formulation.priors) or by_cones:
+        return _by_methods(formulation, context)
+    first = replace(context, deadline=context.deadline.part(_SHARE))
+    found = _by_methods(formulation, first)
+    if is_closed(found) or first.deadline.stopped:
+        return found
+    # of the form that `found` speaks of: denominators may be multiplied out there
+    model = found.formulation.model
+    fewer = formulate(formulation.data, model, formulation.noise, kept)
+    return _intersect(found, _by_methods(fewer, context), context.settings.tol)
+
+
+def _by_methods(formulation: Formulation, context: BoundingContext) -> Identification:
+    """Bound all parameters of one formulation."""
+    exact = by_linear_programs(formulation, context)
+    if exact is not None:
+        return exact
+    direct = _direct(formulation)
+    if direct is not None:
+        return _on_box(direct, context, (_DIRECT,))
+    return _on_box(formulation, context, ())
+
+
+def _intersect(found: Identification, other: Identification, tol: float) -> Identification:
+    """A result whose intervals are also within those of a result with fewer priors."""
+    if other.empty:
+        items = {
+            name: replace(
+                item,
+                outer=(inf, -inf),
+                inner=None,
+                witnesses=(None, None),
+                status=IntervalStatus.EMPTY,
+            )
+            for name, item in found.intervals.items()
+        }
+        return replace(found, intervals=FrozenMapping(items), fewer_priors=other)
+    items = {}
+    for name, item in found.intervals.items():
+        low, high = other.intervals[name].outer
+        within = replace(item, outer=(max(low, item.outer[0]), min(high, item.outer[1])))
+        closed = is_open(item) and (within.gap <= tol * (1.0 + 1e-9))
+        items[name] = replace(within, status=IntervalStatus.CERTIFIED) if closed else within
+    if all(items[name].outer == item.outer for name, item in found.intervals.items()):
+        return found
+    note = "some ends are proved without the priors that add unknowns, in less time"
+    return replace(
+        found, intervals=FrozenMapping(items), fewer_priors=other, notes=(*found.notes, note)
+    )
+
+
+def _direct(formulation: Formulation) -> Formulation | None:
+    """The same data with denominators multiplied out, where partial outputs have no bounds."""
+    model, n = formulation.model, len(formulation.parameters)
+    problem = formulation.problem
+    open_ = np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])
+    if not isinstance(model, TransferFunction) or not np.any(open_) or model.form == "direct":
+        return None
+    other = replace(model, form="direct")
+    if model.offset:  # on the outputs themselves; its first samples tell nothing then
+        other = replace(model, form="multiplied", initial="free")
+    return formulate(formulation.data, other, formulation.noise, formulation.priors)
+
+
+def _on_box(
+    formulation: Formulation, context: BoundingContext, notes: tuple[str, ...]
+) -> Identification:
+    """Find a box from the data, then bound the parameters on it."""
+    late = object()
+    box = context.kept("box", lambda: find_box(formulation, context.until), late)
+    if box is late:
+        box, notes = None, (*notes, _STOPPED if context.deadline.stopped else _NO_BOX)
+    if box is not None and box.empty:
+        left = min(_SEARCH, context.left)
+        keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
+        return context.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
+    if box is not None and box.cut_short:
+        notes = (*notes, _STOPPED if context.deadline.stopped else _NO_BOX)
+    parts, settled = cascade_of(formulation, box) or long_record(formulation), None
+    if parts is not None:
+        settled = by_simulation(formulation, context, parts, box, notes)
+    if settled is not None and (is_cascade(formulation) or is_closed(settled)):
+        return settled
+    points: list[sp.ProvedPoint] = []
+    if settled is not None:
+        box = settled.evidence.box
+        points = [end.attained for end in settled.evidence.ends if end.attained is not None]
+    problem = problem_on_box(formulation, box)
+    outcome = Outcome(problem=problem, box=box, notes=notes)
+    at_ends = None if settled is not None else at_linear_ends(formulation, context, outcome)
+    if at_ends is not None and is_closed(at_ends):
+        return at_ends
+    p = len(formulation.parameters)
+    loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
+    if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):
+        return without_box(formulation, context, outcome, loose)
+    return by_engine(formulation, context, outcome, bool(loose.size), points)

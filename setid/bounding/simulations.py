@@ -1,0 +1,152 @@
+"""Bound parameters by simulations over regions, and by cones of denominators."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from functools import partial
+from math import inf
+
+import numpy as np
+
+import sparsepop_py as sp
+from setid.bounding.context import BoundingContext
+from setid.bounding.ends import intervals_of, is_open, report_ends
+from setid.bounding.long_records import equations
+from setid.feasible_points.cascades import (
+    CascadeEnds,
+    attained_result,
+    cascade_ends,
+    is_cascade,
+    on_box,
+    point_of,
+    tightened_cascade,
+)
+from setid.formulation.formulation import Formulation
+from setid.formulation.units import in_units
+from setid.minimum_noise.cones.feasible_box import denominator_box
+from setid.proofs.existence import proved_point, solved_rows
+from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
+from setid.proofs.row_boxes import RowBox
+from setid.proofs.simulated.outputs import Recursion
+from setid.result.assembling import Outcome
+from setid.result.identification import Identification
+from sparsepop_py.budget import EARLY, Deadline
+
+__all__ = ["by_simulation"]
+
+_FITS = 0.25  # of the time left, for fits of a cascade from many starts
+_FIT = 0.6  # ... and of a long record from one
+_MORE = 1.5  # times what the proof of one point took: what is kept for each
+_OPEN = "time ended before all cells of the parameters were small: give more time"
+_LEAST = 1e-3  # seconds for the part that is, when the time is over
+_CELLS = 2000  # regions that are parted at most
+_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
+_NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
+_CONES = 0.9  # of the time, for cones of denominators
+_ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
+
+
+def by_simulation(
+    formulation: Formulation,
+    context: BoundingContext,
+    parts: Recursion,
+    box: ProvedBox | None,
+    notes: tuple[str, ...],
+) -> Identification | None:
+    """Bound all parameters by simulations over regions.
+
+    Regions are parted where the engine has no better way: for cascades, and for long records whose
+    first region is near the attained ends.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    context : BoundingContext
+    parts : Recursion
+        The record as a simulation.
+    box : ProvedBox or None
+        Of the data.
+    notes : tuple of str
+
+    Returns
+    -------
+    Identification or None
+        None where no box to begin with is finite.
+    """
+    fits = context.deadline.part(_FITS if is_cascade(formulation) else _FIT)
+    found = context.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
+    if found is None:
+        return None
+    begin, number = time.monotonic(), 2 * len(formulation.parameters)
+    context.timed("points", lambda: _attained_ends(formulation, box, found, [0], context.deadline))
+    last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
+    share = 1.0 if context.until == inf else max(_LEAST, 1.0 - last / max(context.left, _LEAST))
+    cells = _CELLS if is_cascade(formulation) or equations(formulation) > _REGIONS else 0
+    near = inf if is_cascade(formulation) else _NEAR
+    deadline, tol = context.deadline.part(share), context.settings.tol
+    tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
+    tightened: ProvedBox | None = context.kept("cells", tighten, None)
+    if not is_cascade(formulation) and found.ends and (tightened is None or tightened.cut_short):
+        cones = partial(_by_denominators, formulation, context, found, box, deadline.part(_CONES))
+        tightened = context.kept("cones", cones, None) or tightened
+    if tightened is not None and tightened.empty:
+        return context.empty(formulation, Outcome(box=tightened, notes=notes))
+    cut_short = tightened is None or tightened.cut_short
+    box = box if tightened is None else tightened
+    problem = problem_on_box(formulation, box)
+    every = range(number)
+    results = context.timed(
+        "points", lambda: _attained_ends(formulation, box, found, every, context.deadline)
+    )
+    items = intervals_of(formulation, in_units(problem, formulation), results, context.settings.tol)
+    context.kept("report", lambda: report_ends(formulation, context, items), None)
+    if cut_short and any(map(is_open, items)) and not context.deadline.stopped:
+        notes = (*notes, _OPEN)
+    return context.result(
+        formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
+    )
+
+
+def _by_denominators(
+    formulation: Formulation,
+    context: BoundingContext,
+    found: CascadeEnds,
+    box: ProvedBox | None,
+    deadline: Deadline,
+) -> ProvedBox | None:
+    """A box from cones of denominators, and from one region where time ended before the gains'."""
+    if not isinstance(box, RowBox | None):
+        return None
+    points = np.array(found.ends)[:, : len(formulation.parameters)]
+    attained, tol = (points.min(axis=0), points.max(axis=0)), _ENDS * context.settings.tol
+    executor = context.settings.for_engine().executor
+    cones = denominator_box(formulation, box, attained, tol, deadline, executor)
+    if cones is None or cones.empty or not cones.cut_short:
+        return cones
+    return tightened_cascade(on_box(found, cones), cones, tol, context.deadline, 0) or cones
+
+
+def _attained_ends(
+    formulation: Formulation,
+    box: ProvedBox | None,
+    found: CascadeEnds,
+    ends: Iterable[int],
+    deadline: Deadline,
+) -> tuple[sp.Result, ...]:
+    """Prove the points at which simulations reach ends; nothing else is claimed of them.
+
+    When time is over only the first is proved.
+    """
+    scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
+    known, made = solved_rows(formulation, scaled.problem), list[sp.Result]()
+    for number in ends:
+        about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
+        if found.ends and not (made and deadline.over):
+            x = point_of(formulation, found.fitting, found.ends[number])
+            try:
+                point = proved_point(formulation, about, x / scaled.units, known)
+            except EARLY as cause:
+                deadline.ended(cause)
+        made.append(attained_result(about, point))
+    return tuple(made)
