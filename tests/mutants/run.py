@@ -135,7 +135,7 @@ def digests(faults: list[Fault]) -> tuple[str, list[str]]:
 
     They change with the fault, its file, the tests and their helpers.
     """
-    helpers = of_files((ROOT / "tests").glob("*.py"))
+    helpers = of_files((ROOT / "tests").rglob("helpers/*.py"))
 
     def name(files: Iterable[str], about: str) -> str:
         found = of_files(ROOT / file for file in files)
