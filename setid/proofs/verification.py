@@ -10,6 +10,7 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.data.record import IOData
+from setid.errors import NoiseError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
@@ -37,7 +38,11 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
         True where every claim holds; no value of a solver is trusted.
     """
     given = claims.formulation
-    again = formulate(given.data if data is None else data, given.model, given.noise, given.priors)
+    record = given.data if data is None else data
+    try:
+        again = formulate(record, given.model, given.noise, given.priors)
+    except NoiseError as cause:
+        return Verification(False, f"the noise bounds are those of another record: {cause}")
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
     if [(name, item.name) for name, item in claims.intervals.items()] != [

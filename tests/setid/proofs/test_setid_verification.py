@@ -285,3 +285,15 @@ FORGERIES: dict[str, Callable[[Evidence], Evidence]] = {
 @pytest.mark.parametrize("what", FORGERIES)
 def test_references_are_checked(reported: Evidence, what: str) -> None:
     assert not verify(FORGERIES[what](reported)).ok
+
+
+def test_bounds_for_each_sample_are_those_of_one_record() -> None:
+    """With 12 bounds nothing is said of a record of 20 samples."""
+    u = np.random.default_rng(2).uniform(-1.0, 1.0, 20)
+    whole = setid.IOData(u, np.append(0.0, 0.5 * u[:-1]))
+    part = whole.split(12)[0]
+    model, noise = setid.TransferFunction(0, 1, 1), setid.Noise(equation=np.full((12, 1), 0.1))
+    result = setid.identify(part, model, noise)
+    assert result.verify(part).ok
+    verdict = result.verify(whole)
+    assert not verdict.ok and "another record" in verdict.reason
