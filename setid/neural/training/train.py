@@ -25,7 +25,7 @@ __all__ = ["Trained", "initial", "train"]
 Reals = NDArray[np.float64]
 Model = NNARX | NNOE | NeuralStateSpace
 _WIDEST = 10**5  # neurons of a layer
-_MOST_STEPS = 10**9
+_MOST = 10**9  # starts, and steps of each
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -180,7 +180,7 @@ def train(
         ("seed", seed, 0),
         ("max_steps", max_steps, 1),
     ):
-        natural(count, field, ModelError, least, _MOST_STEPS if field == "max_steps" else None)
+        natural(count, field, ModelError, least, None if field == "seed" else _MOST)
     usual = "scipy" if isinstance(net, NNARX) else "ipopt"
     kinds: dict[str, tuple[type, ...]] = {
         "scipy": (NNARX,),

@@ -300,6 +300,7 @@ def test_wrong_switches_kinds_and_sizes_are_named() -> None:
         "data: found no row": lambda: neural.initial(data, HUGE),
         "widths": lambda: neural.initial(data, 1, [HUGE]),
         "max_steps": lambda: neural.train(net, data, max_steps=HUGE),
+        "starts": lambda: neural.train(net, data, starts=HUGE),
         "pieces": lambda: neural.envelope("tanh", -1.0, 1.0, HUGE),
         "degree": lambda: neural.envelope("tanh", -1.0, 1.0, degree=0),
         "cells": lambda: neural.envelope("tanh", -1.0, 1.0, cells=HUGE),
