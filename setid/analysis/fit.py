@@ -71,6 +71,10 @@ _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a pro
 _CELLS = 0.5  # of the time, for cells of denominators
 _PART = 0.5  # of the tolerance, for them
 _WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
+_GAPS = (
+    "equations with missing samples are left out, and no simulation across them is proved: with "
+    "IOData(..., y_range=(low, high)) missing outputs are unknowns"
+)
 _STARTS = 3  # denominators of a search that are fitted
 
 
@@ -186,15 +190,15 @@ class Fit:
         pairs = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
         low, high = rounded(self.lower_bound, False, 6), rounded(self.error, True, 6)
         word = "attained" if self.attained else "not proved to be attained"
-        fits = per_cent(self.fit)
-        return "\n".join(
-            [
-                pairs,
-                f"{self.norm} norm of the {self.errors} errors: {high} ({word}), no parameters "
-                f"have less than {low} (proved); gap {100 * self.gap:.2g} %",
-                f"fit {fits}",
-            ]
-        )
+        lines = [
+            pairs,
+            f"{self.norm} norm of the {self.errors} errors: {high} ({word}), no parameters "
+            f"have less than {low} (proved); gap {100 * self.gap:.2g} %",
+            f"fit {per_cent(self.fit)}",
+        ]
+        if self.evidence is not None and self.evidence.formulation.dropped:
+            lines.append(_GAPS)
+        return "\n".join(lines)
 
     def plot(self, ax: Axes | NDArray[Any] | None = None) -> NDArray[Any]:
         """Draw readings and outputs of the model; returns the axes.

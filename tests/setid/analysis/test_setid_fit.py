@@ -228,5 +228,6 @@ def test_no_simulation_begins_anew_behind_a_missing_reading(norm: Norm) -> None:
     ]
     assert found.lower_bound <= min(levels) * 1.01
     assert found.error >= min(levels) * 0.99 and not found.attained and bool(found.verify())
+    assert ("y_range" in found.summary()) == (found.evidence is not None)
     claim = replace(found, attained=True)
     assert found.evidence is None or found.evidence.attained is None or not claim.verify().ok
