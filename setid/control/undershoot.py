@@ -80,7 +80,7 @@ class Undershoot:
         low, high, _ = _noise_free(self.record, self.noise)
         verdict, depth, sample = _conclude(low, high)
         deep = self.depth[0] <= depth[0] and depth[1] <= self.depth[1]
-        zeros, free = _zeros(low, high, self.tail)
+        zeros, free = _zeros(low, high, _upward(self.record, self.tail))
         at = 0 if self.sample is None else self.sample
         wrong = -high if low[-1] > 0.0 else low  # above 0 where a sample is on the wrong side
         shown = sample is not None and 1 <= at <= low.size and bool(wrong[at - 1] > 0.0)
@@ -148,7 +148,8 @@ def undershoot(
     """
     record = step_record if isinstance(step_record, IOData) else _signal(step_record)
     low, high, texts = _noise_free(record, noise)
-    ends = (float(low.min()), float(high.max())) if tail is None else _ends(tail)
+    seen = _upward(record, (float(low.min()), float(high.max())))
+    ends = seen if tail is None else _ends(tail)
     texts = (
         *texts,
         "the plant is linear, stable and at rest before the step",
@@ -157,7 +158,7 @@ def undershoot(
         f"[{all_digits(ends[0])}, {all_digits(ends[1])}]",
     )
     verdict, depth, sample = _conclude(low, high)
-    zeros, free = _zeros(low, high, ends)
+    zeros, free = _zeros(low, high, _upward(record, ends))
     return Undershoot(verdict, depth, sample, zeros, free, texts, record, noise, ends)
 
 
@@ -170,6 +171,12 @@ def _ends(tail: tuple[float, float]) -> tuple[float, float]:
     if ends.size != 2 or not ends[0] <= ends[1]:
         raise SetidError(f"tail: found {tail}, expected (low, high) with low <= high")
     return float(ends[0]), float(ends[1])
+
+
+def _upward(record: IOData | Reals, ends: tuple[float, float]) -> tuple[float, float]:
+    """Turn a range of the output round where the step is downward, as readings are; and back."""
+    downward = isinstance(record, IOData) and bool(record.u[record.u != 0.0][0] < 0.0)
+    return (-ends[1], -ends[0]) if downward else ends
 
 
 def _signal(values: ArrayLike) -> Reals:

@@ -58,6 +58,17 @@ def test_a_downward_step_and_assumptions() -> None:
     assert any("after the record" in text for text in found.assumptions)
 
 
+def test_the_tail_of_a_downward_step_is_that_of_the_output() -> None:
+    plant = control.Transfer([0, 0.2], [1, -0.8])  # no zero at all
+    u = np.concatenate([np.zeros(3), -np.ones(10)])
+    data = setid.IOData(u, plant.simulate(u))
+    found = control.undershoot(data, 0.001, (-1.01, -0.85))
+    assert found.zeros == () and found.tail == (-1.01, -0.85) and found.verify()
+    assert found.free == control.undershoot(-data.y[3:, 0], 0.001, (0.85, 1.01)).free
+    low, high = control.undershoot(data, 0.001).tail
+    assert low < data.y.min() and data.y.max() < high
+
+
 def test_an_input_that_is_no_step_is_refused() -> None:
     with pytest.raises(setid.DataError, match="step"):
         control.undershoot(setid.IOData([0, 1, 2], [0, 0, 1]), 0.1)
