@@ -455,8 +455,10 @@ def _of_denominators(
         best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
     found = []
     for denominator in [theta[places], *best[:_STARTS]]:
+        if found and time.monotonic() >= until:
+            break
         fitted = fit_of_denominator(data, model, rows, denominator)
-        found.append(fitted or least_error_at(data, model, norm, denominator))
+        found.append(fitted or least_error_at(data, model, norm, denominator, until))
     return found
 
 

@@ -81,7 +81,7 @@ class _Simulation:
             slopes = _slopes(shares, x, values, 1.0)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
         best, least = x.copy(), inf
-        for _ in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
+        for turn in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
             values = shares(x)
             size = float(np.abs(values).sum() if norm == "l1" else np.abs(values).max())
             if size < least:
@@ -90,7 +90,7 @@ class _Simulation:
             if not (size < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
                 break
             least = size
-            if norm == "l2":
+            if norm == "l2" or (turn and time.monotonic() >= self.until):
                 break
             columns, triangle = np.linalg.qr(slopes)
             columns[np.abs(columns) < _ROUNDED] = 0.0  # scales of programs would follow these
@@ -146,7 +146,7 @@ def output_error_fit(data: IOData, model: Structure, until: float = inf) -> tupl
 
 
 def least_error_at(
-    data: IOData, model: Structure, norm: str, denominator: Reals
+    data: IOData, model: Structure, norm: str, denominator: Reals, until: float = inf
 ) -> tuple[Reals, Reals]:
     """Fit the simulation of one output where the denominator is given.
 
@@ -158,13 +158,15 @@ def least_error_at(
         Of the errors, which are affine in the other unknowns.
     denominator : (n,) float
         Coefficients a_1, ..., a_n.
+    until : float
+        The reading of ``time.monotonic`` after which the fit is not refined any more.
 
     Returns
     -------
     theta : (p,) float
     outputs : (N, ny) float
     """
-    simulation = _Simulation(data, model)
+    simulation = _Simulation(data, model, until)
     x = simulation.at(denominator, simulation.errors, norm)
     return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
 
@@ -243,10 +245,9 @@ def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: flo
 def _linear_step(values: Reals, slope: Reals, room: Reals, norm: str = "linf") -> Reals | None:
     """Step within abs(d) <= room for the least norm of values + slope d, linf or l1."""
     count, k = slope.shape
-    sizes = np.eye(count) if norm == "l1" else np.ones((count, 1))
-    eye, nothing = np.eye(k), np.zeros((k, sizes.shape[1]))
-    parts = [[slope, -sizes], [-slope, -sizes], [eye, nothing], [-eye, nothing]]
-    below = sps.csr_array(np.block(parts))
+    sizes = sps.eye_array(count) if norm == "l1" else sps.csr_array(np.ones((count, 1)))
+    eye, dense = sps.eye_array(k), sps.csr_array(slope)
+    below = sps.block_array([[dense, -sizes], [-dense, -sizes], [eye, None], [-eye, None]]).tocsr()
     cost = np.append(np.zeros(k), np.ones(sizes.shape[1]))
     found = solve_scaled(cost, (below, np.concatenate([-values, values, room, room])))
     return np.asarray(found.x[:k], np.float64) if found.status == "solved" else None
