@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError
+from setid.data.checks import natural
 from setid.neural.models.network import Network, finite_array
 
 __all__ = ["NNARX", "NNOE", "RegressorNetwork", "check_record", "regressors"]
@@ -90,9 +91,8 @@ class RegressorNetwork:
     def __init__(self, network: Network, order: int, channels: int = 1) -> None:
         if not isinstance(network, Network):
             raise ModelError(f"network: found {type(network).__name__}, expected neural.Network")
-        for field, value in (("order", order), ("channels", channels)):
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ModelError(f"{field}: found {value!r}, expected an integer >= 1")
+        order = natural(order, "order", ModelError, least=1)
+        channels = natural(channels, "channels", ModelError, least=1)
         wanted = order * network.outputs + (order + 1) * channels
         if network.inputs != wanted:
             raise ModelError(
