@@ -186,6 +186,13 @@ class Stability:
         ----------
         steps, initial, inputs, errors
             As for :meth:`distance`.
+
+        Returns
+        -------
+        (steps + 1,) float
+            Entry t is about outputs that are read from the states after t steps. For a state space
+            these are the outputs of sample t. Other models step first: theirs are those of sample
+            t - 1, and entry 0 is about no output.
         """
         good = [item for item in self.conditions if item.holds and item.norm != "P"]
         if not good:

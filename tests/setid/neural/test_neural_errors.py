@@ -325,3 +325,12 @@ def test_a_condition_that_fails_bounds_no_distance() -> None:
             found.limit(inputs=0.1, condition=condition)
         with pytest.raises(setid.ModelError, match="condition: found"):
             found.distance(3, 1.0, condition=condition)
+
+
+def test_orders_of_numpy_are_taken() -> None:
+    net = neural.Network([[[0.5, 1.0, 0.0]]], [[0.0]])
+    made = neural.NNARX(net, order=np.int64(1), channels=np.int64(1))
+    assert type(made.order) is int and type(made.channels) is int
+    for wrong in (0, True, 1.5, "1"):
+        with pytest.raises(setid.ModelError, match="order"):
+            neural.NNARX(net, order=wrong)

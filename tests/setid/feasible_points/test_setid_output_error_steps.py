@@ -26,7 +26,9 @@ def test_a_step_of_least_sums_takes_memory_in_proportion_to_the_samples() -> Non
     assert peak < 1500**2 * 8  # one dense matrix of the samples
 
 
-def test_a_given_denominator_is_not_refined_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_given_denominator_is_not_refined_when_time_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     steps = []
     known = output_error._linear_step
     monkeypatch.setattr(
