@@ -38,6 +38,7 @@ from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
 from setid.proofs.evidence import Verification
+from setid.proofs.existence import rows_say_all
 from setid.proofs.least_noise.noise_scale import (
     NoiseScale,
     admitted_point,
@@ -279,7 +280,11 @@ def consistency(
     given = listed(priors)
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
     linear = formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1])
-    if linear and formulation.problem.dimension == len(formulation.parameters):
+    if (
+        linear
+        and rows_say_all(formulation)
+        and formulation.problem.dimension == len(formulation.parameters)
+    ):
         return _exactly(formulation, noise)
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, until)

@@ -453,7 +453,7 @@ def _of_denominators(
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
     if not best and norm == "linf" and time.monotonic() < until:
         best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
-    found = []
+    found: list[tuple[Reals, Reals]] = []
     for denominator in [theta[places], *best[:_STARTS]]:
         if found and time.monotonic() >= until:
             break

@@ -34,6 +34,7 @@ from setid.models.general import from_unknown_start
 from setid.options import check_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.existence import rows_say_all
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box, start_of
 from setid.proofs.verification import verify
@@ -368,6 +369,7 @@ class Recursive:
         formulation = self._stated(self._kept)
         problem, p = formulation.problem, len(formulation.parameters)
         linear = problem.degree <= 1 and problem.dimension <= max(_MOST_LINEAR, p)
+        linear = linear and rows_say_all(formulation)
         claim, used = _linear(formulation, self._executor) if linear else _boxed(formulation)
         self.exact = self.exact and linear
         samples = frozenset(self._kept[record].sample for record in used)

@@ -17,7 +17,7 @@ from setid.feasible_points.cascades import attained_result
 from setid.feasible_points.linear_ends import linear_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
-from setid.proofs.existence import proved_point, solved_rows
+from setid.proofs.existence import proved_point, rows_say_all, solved_rows
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives
 from setid.result.assembling import (
@@ -42,10 +42,10 @@ def by_linear_programs(formulation: Formulation, context: BoundingContext) -> Id
     Returns
     -------
     Identification or None
-        None where the problem is another one, or time is over.
+        None where the problem is another one, a prior means more than rows say, or time is over.
     """
     problem = formulation.problem
-    if problem.degree > 1 or problem.dimension > _FEW:
+    if problem.degree > 1 or problem.dimension > _FEW or not rows_say_all(formulation):
         return None
     work = partial(sp.linear_bounds, problem, objectives(formulation))
     found = context.kept("linear programs", work, None)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 
-__all__ = ["SolvedRows", "admitted", "proved_point", "solved_rows"]
+__all__ = ["SolvedRows", "admitted", "proved_point", "rows_say_all", "solved_rows"]
 
 _MANY = 200  # constraints beyond which they are checked in fixed point before rationals
 
@@ -154,6 +154,16 @@ def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0
     box = {name: (a, b) for name, a, b in pairs}
     checks = (getattr(prior, "admits", None) for prior in formulation.priors)
     return all(check is None or check(formulation.model, box) for check in checks)
+
+
+def rows_say_all(formulation: Formulation) -> bool:
+    """Check that rows say all that the priors mean, of whatever parameters.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    return admitted(formulation, np.zeros(len(formulation.parameters)), inf)
 
 
 def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:

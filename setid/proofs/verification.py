@@ -15,7 +15,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
 from setid.proofs.evidence import Evidence, Verification
-from setid.proofs.existence import admitted
+from setid.proofs.existence import admitted, rows_say_all
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import reference_follows, unidentifiable
@@ -101,6 +101,8 @@ def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> 
 
 
 def _verify_linear(claims: Evidence, again: Formulation) -> Verification:
+    if not rows_say_all(again):
+        return Verification(False, "a prior means more than rows say, and is not asked of points")
     proved, asked = [], objectives(again)
     if len(claims.bounds) != len(asked):
         return Verification(False, "bounds are missing")

@@ -15,7 +15,7 @@ import setid
 from setid.formulation.completion import affine
 from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.denominators.denominator_box import DenominatorBox
-from setid.proofs.existence import admitted
+from setid.proofs.existence import admitted, rows_say_all
 from setid.proofs.least_noise.least_error import OutputErrors, stated, verify_output
 from setid.proofs.parameter_box import ParameterBox, box_follows, problem_on_box, start_of
 from setid.proofs.uniqueness.unbounded import Unbounded, moved_parameters, simpler_structures
@@ -199,3 +199,19 @@ def test_records_of_least_errors_keep_their_priors() -> None:
     again = stated(known.data, ONE, [prior], 1.0)
     assert again.priors == (prior,)
     assert again.problem.lower[0] == -0.5 and again.problem.upper[0] == 0.5
+
+
+def test_rows_say_all_where_no_box_of_parameters_is_asked_about() -> None:
+    """A prior that is proved of small parameters alone; jury's of order three, of some."""
+    u, y = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 8))
+    data, noise = setid.IOData(u, y), setid.Noise(output=0.5)
+    known = setid.formulate(data, setid.TransferFunction(0, 1), noise)
+
+    def admits(model: object, box: dict[str, tuple[float, float]]) -> bool:
+        return all(-1.0 <= low <= high <= 1.0 for low, high in box.values())
+
+    small: Any = replace(known, priors=(SimpleNamespace(admits=admits),))
+    assert rows_say_all(known) and not rows_say_all(small)
+    for order, form, says in ((3, "step-up", True), (3, "jury", False), (2, "jury", True)):
+        model, priors = setid.TransferFunction(order, 1), [setid.Stable(form=form)]
+        assert rows_say_all(setid.formulate(data, model, noise, priors)) == says

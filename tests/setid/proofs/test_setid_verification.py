@@ -7,7 +7,7 @@ is missing. The true intervals of the equation-error set are the closed form of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -17,6 +17,7 @@ import pytest
 import setid
 import sparsepop_py as sp
 from setid.identify import identify
+from setid.priors.base import Plain
 from setid.proofs.evidence import EndProof, Evidence
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.verification import _reached, verify
@@ -234,6 +235,42 @@ def test_unbounded_parameters_need_a_proof(bilinear: Evidence) -> None:
             assert not verify(with_interval(base, "a1", status=status)).ok
 
 
+@dataclass(frozen=True)
+class Never(Plain):
+    """A prior whose rows say nothing, and which no parameters are proved to meet."""
+
+    def admits(self, model: object, box: object) -> bool:
+        return False
+
+
+def test_points_of_linear_problems_are_what_priors_mean(linear: Evidence) -> None:
+    """Rows of the prior are those of none: what is proved holds, nothing is attained."""
+    given = linear.formulation
+    less = setid.formulate(given.data, given.model, given.noise, [Never()])
+    assert less.problem.fingerprint == given.problem.fingerprint
+    assert not verify(replace(linear, formulation=less)).ok
+    other = identify(DATA, FIRST, given.noise, [Never()], QUIET)
+    assert other.verify().ok
+    for name, item in other.intervals.items():
+        low, high = linear.intervals[name].outer
+        assert item.inner is None and item.outer[0] <= low and high <= item.outer[1]
+    least = setid.consistency(DATA, FIRST, given.noise, [Never()], QUIET)
+    assert least.scale[1] == inf and least.verify().ok
+
+
+def test_rows_of_jurys_criterion_say_all_up_to_order_two() -> None:
+    u = np.random.default_rng(2).uniform(-1.0, 1.0, 15)
+    model = setid.TransferFunction(2, 1, 1)
+    data = setid.IOData(u, setid.simulate(model, [-1.6, 0.97, 0.5], u))
+    made = [
+        identify(data, model, setid.Noise(equation=0.3), [setid.Stable(form=form)], QUIET)
+        for form in ("step-up", "jury")
+    ]
+    assert [str(item.intervals) for item in made[:1]] == [str(item.intervals) for item in made[1:]]
+    assert made[1].intervals["a2"].inner == (pytest.approx(0.29500094, abs=1e-7), 1.0)
+    assert made[1].bounds and made[1].verify().ok
+
+
 # ---- evidence with a normalisation --------------------------------------------------------------
 
 
@@ -280,6 +317,27 @@ FORGERIES: dict[str, Callable[[Evidence], Evidence]] = {
         claims, reference=found(setid.Noise(equation=0.5))
     ),
 }
+
+
+def test_points_of_a_reference_are_what_priors_mean() -> None:
+    """Claims with a prior of which the reference knows nothing."""
+    model = setid.Hammerstein(setid.TransferFunction(0, 1), 2)
+    u = np.array([1.0, -1.0, 0.5, -0.5, 1.0, 0.2])
+    options = setid.Options(unidentifiable="report", progress=False)
+    claims = identify(
+        setid.IOData(u, u + 0.5 * u**2), model, setid.Noise(equation=0.05), (), options
+    ).evidence
+    given = claims.formulation
+    less = setid.formulate(given.data, given.model, given.noise, [Never()])
+    assert verify(claims).ok and not verify(replace(claims, formulation=less)).ok
+
+
+def test_a_reference_states_the_noise_of_the_claims(reported: Evidence) -> None:
+    assert reported.reference is not None and verify(reported).ok
+    known = reported.reference.formulation
+    other = setid.formulate(known.data, known.model, setid.Noise(equation=1.0))
+    forged = replace(reported, reference=replace(reported.reference, formulation=other))
+    assert verify(forged).reason == "the reference is not that of the data"
 
 
 @pytest.mark.parametrize("what", FORGERIES)
