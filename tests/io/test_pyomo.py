@@ -224,3 +224,37 @@ def test_gams_files_that_pyomo_writes(symbolic: bool, tmp_path: Path) -> None:
     small().write(str(path))
     result = sp.solve(sp.read(path), sp.Options(order=1))
     assert -result.lower_bound == pytest.approx(2**0.5, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "domain",
+    [
+        lambda: pyo.RangeSet(0, 10, 2),
+        lambda: pyo.Set(initialize=[1, 3, 7]),
+        lambda: pyo.RangeSet(0, 1, 0) | pyo.RangeSet(3, 4, 0),
+        lambda: pyo.RangeSet(0, 2, 0.5),
+        lambda: pyo.EmptySet,
+    ],
+)
+def test_domains_with_gaps_are_refused(domain) -> None:
+    """Their hull would be read: with points that the model has not."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(domain=domain())
+    model.cost = pyo.Objective(expr=(model.x - 3) ** 2)
+    with pytest.raises(sp.ProblemError, match="x: found the domain"):
+        sp.from_pyomo(model)
+
+
+def test_integers_without_gaps_are_read() -> None:
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(domain=pyo.Set(initialize=[1, 2, 3]))
+    model.cost = pyo.Objective(expr=model.x)
+    assert sp.from_pyomo(model).dimension == 3
+
+
+def test_conditions_are_refused_by_name() -> None:
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(bounds=(0, 1))
+    model.cost = pyo.Objective(expr=pyo.Expr_if(IF=model.x >= 0.5, THEN=model.x, ELSE=2))
+    with pytest.raises(sp.ProblemError, match="objective cost"):
+        sp.from_pyomo(model)

@@ -107,6 +107,7 @@ def read_pyomo(model: Any) -> PyomoModel:
     used = _used(model, [objective, *rows], environ)
     if not used:
         raise ProblemError(f"{model.name}: found no variable that is not fixed, expected one")
+    _check_domains(used)
     x = variables(len(used), [variable.name for variable in used])
     walk = _reader({id(variable): p for variable, p in zip(used, x, strict=True)}, environ)
     constraints = [row for each in rows for row in _rows(each, walk, x[0], environ)]
@@ -178,6 +179,16 @@ def _used(model: Any, items: Iterable[Any], environ: ModuleType) -> list[Any]:
     return ordered + list(found.values())  # the last: of other models
 
 
+def _check_domains(used: Iterable[Any]) -> None:
+    """Refuse sets with gaps, which are neither an interval of reals nor one of integers."""
+    for variable in used:
+        if not variable.is_continuous() and not variable.is_integer():
+            raise ProblemError(
+                f"{variable.name}: found the domain {variable.domain}, expected an interval of "
+                "reals or of integers"
+            )
+
+
 def _bound(variable: Any, bound: Any, otherwise: float) -> float:
     if bound is None:
         return otherwise
@@ -235,7 +246,7 @@ def _reader(known: dict[int, Polynomial], environ: ModuleType) -> Callable[[Any,
     def node(expression: Any, parts: list[Any]) -> Any:
         try:
             return _combine(expression, parts)
-        except (TypeError, ProblemError) as error:
+        except (TypeError, NotImplementedError, ProblemError) as error:
             raise ProblemError(
                 f"{where}: found {_excerpt(expression)}, expected a polynomial ({error})"
             ) from None
