@@ -216,11 +216,13 @@ def read_gms(path: str | os.PathLike[str]) -> Problem | RationalProblem:
     -------
     Problem or RationalProblem
         The second where something is divided by variables. Without the objective variable:
-        the one that Solve names, or ``objvar``. The relation of its equation is ignored; its
-        bounds become constraints. Bounds of magnitude 1e10 or more are infinite. A binary
-        variable b adds ``b^2 - b == 0``, an integer its lower bound plus a sum of bits, further
-        variables. A maximisation is stored negated, with ``sense="max"``; without a Solve
-        statement a comment such as ``* Solve m using NLP maximizing objvar;`` counts.
+        the one that Solve names, or ``objvar``. Where there is a Solve statement, its equation
+        may be an inequality only if the optimum is the same; elsewhere the relation is ignored,
+        as in SparsePOP. Its bounds become constraints. Bounds of magnitude 1e10 or more are
+        infinite. A binary variable b adds ``b^2 - b == 0``, an integer its lower bound plus a
+        sum of bits, further variables. A maximisation is stored negated, with ``sense="max"``;
+        without a Solve statement a comment such as ``* Solve m using NLP maximizing objvar;``
+        counts.
 
     Raises
     ------
@@ -406,7 +408,9 @@ class _Reader:
         rows = self.rows(Vocabulary([*names, objvar.name], ignore_case=True))
         self.check_typed(others, rows)
         key = self.objective_row(rows, objvar)
-        objective = self.solved(rows.pop(key), key, objvar, names)
+        row = rows.pop(key)
+        objective = self.solved(row, key, objvar, names)
+        self.check_binds(row, key, objvar, word)
         constraints = [
             constraint(_shrunk(row, names), kind, self.equations[key][0])
             for key, (row, kind) in rows.items()
@@ -462,6 +466,20 @@ class _Reader:
                 f"the {objvar.kind} variable {objvar.name!r} as objective", "a continuous one"
             )
         return holding[0]
+
+    def check_binds(self, row: Row, key: str, objvar: _Variable, word: str) -> None:
+        """Refuse an inequality at whose optimum the objective variable may differ from its row."""
+        if self.solve is None or row[1] is Kind.ZERO:
+            return
+        whole = _parts(row[0])[0]
+        (slope,) = whole.derivative(whole.dimension - 1).fractions
+        above = slope > 0  # the objective variable is at least what the row says
+        near = objvar.bounds[0 if above else 1]
+        if (word == "mini") is not above or np.isfinite(near):
+            raise self.definitions[key].statement.error(
+                f"an inequality that leaves {objvar.name!r} free to differ from it at the optimum",
+                "=E=",
+            )
 
     def solved(
         self, row: Row, key: str, objvar: _Variable, names: tuple[str, ...]

@@ -106,6 +106,38 @@ def test_objective_variable_of_another_name(read) -> None:
     assert str(read(text).objective) == "-1 + x"
 
 
+@pytest.mark.parametrize(
+    ("row", "direction"),
+    [
+        ("objvar =L= x", "minimizing"),
+        ("x =G= objvar", "minimizing"),
+        ("objvar =G= x", "maximizing"),
+        ("-2*objvar =L= x", "maximizing"),
+        ("objvar =G= x; objvar.lo = 0", "minimizing"),
+        ("objvar =L= x; objvar.up = 0", "maximizing"),
+        ("objvar =G= x; objvar.fx = 0", "minimizing"),
+    ],
+)
+def test_objective_rows_that_do_not_bind_are_refused(read, row, direction) -> None:
+    text = file(f"e1.. {row}; e2.. y =G= 0;\nSolve m using nlp {direction} objvar;")
+    with pytest.raises(sp.FormatError, match="an inequality that leaves 'objvar' free"):
+        read(text)
+
+
+@pytest.mark.parametrize(
+    ("row", "direction", "objective"),
+    [
+        ("objvar =G= x; objvar.up = 5", "minimizing", "x"),
+        ("x =L= 2*objvar", "minimizing", "0.5*x"),
+        ("objvar =L= x", "maximizing", "-x"),
+        ("-objvar =G= x; objvar.lo = 5", "maximizing", "x"),
+    ],
+)
+def test_objective_rows_that_bind_are_read(read, row, direction, objective) -> None:
+    text = file(f"e1.. {row}; e2.. y =G= 0;\nSolve m using nlp {direction} objvar;")
+    assert str(read(text).objective) == objective
+
+
 def test_kinds_and_bounds(read) -> None:
     problem = read(
         """Variables a,b,c,d,e,f,objvar;
