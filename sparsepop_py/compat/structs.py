@@ -9,7 +9,7 @@ of such structs is read too, in all its shapes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isqrt
 from typing import Any
@@ -107,7 +107,8 @@ def to_structs(
         With supports (noTerms, dimVar) and coef (noTerms, 1) as doubles, like MATLAB's; for
         cones and matrices coef is (noTerms, sizeCone) and (noTerms, sizeCone^2).
     lbd, ubd : (n,) float
-        With -1e10 and 1e10 where there is no bound.
+        With -1e10 and 1e10 where there is no bound. A finite bound of 1e10 or more in size,
+        which stands for none there, is a row instead.
 
     Examples
     --------
@@ -119,9 +120,19 @@ def to_structs(
     """
     check_kind(problem, Problem, "problem")
     rows = [_constraint_struct(row) for row in problem.constraints]
-    lower = np.where(problem.lower <= -INFINITE, -INFINITE, problem.lower)
-    upper = np.where(problem.upper >= INFINITE, INFINITE, problem.upper)
+    rows += [_struct(row, 1) for row in _large_bounds(problem)]
+    lower = np.where(abs(problem.lower) >= INFINITE, -INFINITE, problem.lower)
+    upper = np.where(abs(problem.upper) >= INFINITE, INFINITE, problem.upper)
     return _struct(problem.objective, 1), rows, lower, upper
+
+
+def _large_bounds(problem: Problem) -> Iterator[Polynomial]:
+    """Write finite bounds that ``lbd`` and ``ubd`` cannot hold as polynomials >= 0."""
+    n = problem.dimension
+    for sign, ends in ((1.0, problem.lower), (-1.0, problem.upper)):
+        for v in np.flatnonzero(np.isfinite(ends) & (abs(ends) >= INFINITE)).tolist():
+            words, values = np.array([[0], [v + 1]], np.int32), np.array([-sign * ends[v], sign])
+            yield Polynomial.from_words(words, values, n)
 
 
 def _constraint_struct(row: Constraint) -> dict[str, Any]:

@@ -339,3 +339,16 @@ def test_exponents_have_a_limit() -> None:
         sp.sparsePOP(huge, [], [0], [1], {"printLevel": 0})
     with pytest.raises(sp.ProblemError, match="exponents: found .*up to 1000000"):
         sp.Polynomial.from_terms([[2**40]], [1.0])
+
+
+def test_bounds_beyond_what_structs_hold_become_rows():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [], lower=[-1e12, 2e10], upper=[-1e10, 3e10])
+    read = sp.from_structs(*sp.to_structs(problem))
+    assert [str(row) for row in read.constraints] == [
+        "1000000000000 + x1 >= 0",
+        "-20000000000 + x2 >= 0",
+        "-10000000000 - x1 >= 0",
+        "30000000000 - x2 >= 0",
+    ]
+    assert np.isinf(read.lower).all() and np.isinf(read.upper).all()
