@@ -38,6 +38,7 @@ def linear_bounds(problem: Problem, objectives: Sequence[Polynomial]) -> list[Li
     problem : Problem
         Its own objective is ignored.
     objectives : sequence of Polynomial
+        Their coefficients count as they were given, before they are rounded.
 
     Returns
     -------

@@ -66,16 +66,16 @@ class Simplex:
         self._completed = False
         self._model: LinearModel | None = None
 
-    def minimise(self, cost: list[float]) -> Outcome:
+    def minimise(self, cost: list[Fraction]) -> Outcome:
         """Settle one objective.
 
         Parameters
         ----------
-        cost : list of float, length n
+        cost : list of Fraction, length n
         """
         whole = integers(cost)
-        scale = next((Fraction(w) / Fraction(c) for w, c in zip(whole, cost, strict=True) if c), 1)
-        self._propose(np.array(cost))
+        scale = next((w / c for w, c in zip(whole, cost, strict=True) if c), 1)
+        self._propose(np.array(cost, float))
         empty = self._reach_feasibility(whole)
         if empty is not None:
             return empty

@@ -141,3 +141,20 @@ def test_only_linear_problems_are_taken() -> None:
     with pytest.raises(sp.ProblemError, match=r"objectives\[1\]"):
         sp.linear_bounds(sp.Problem(x, [x >= 0]), [x, y**2])
     assert sp.linear_bounds(sp.Problem(x, [x >= 0]), []) == []
+
+
+def test_coefficients_of_objectives_count_before_they_are_rounded() -> None:
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x, [x >= 1])
+    tiny = Fraction(1, 10**400)
+    third, constant, far = objectives = [x / 3, x + Fraction(1, 3), -tiny * x]
+    found = sp.linear_bounds(problem, objectives)
+    assert [bound.value for bound in found] == [Fraction(1, 3), Fraction(4, 3), None]
+    assert Fraction(found[0].lower) < Fraction(1, 3) < Fraction(found[0].upper)
+    assert found[2].status is sp.Status.UNBOUNDED
+    for bound, objective in zip(found, (third, constant, far), strict=True):
+        assert bound.verify(problem, objective).ok
+    rounded = sp.Polynomial.from_words(third.words, third.coefficients, 1)
+    assert not found[0].verify(problem, rounded).ok
+    with pytest.raises(sp.ProblemError, match="linear"):
+        sp.linear_bounds(problem, [x + tiny * x**2])

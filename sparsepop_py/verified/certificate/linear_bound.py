@@ -7,7 +7,7 @@ shows that the objective falls without limit. All checks are in rationals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
@@ -87,6 +87,7 @@ class LinearBound:
         ----------
         problem : Problem
         objective : Polynomial
+            Its coefficients count as they were given, before they are rounded.
 
         Returns
         -------
@@ -108,7 +109,7 @@ class LinearBound:
         """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status == "UNBOUNDED":
             return -np.inf, "" if self.lower == -np.inf else _LESS
-        total, rest = Fraction(0), [-Fraction(c) for c in cost_of(objective)]
+        total, rest = Fraction(0), [-c for c in cost_of(objective)]
         if self.status == "INFEASIBLE":
             rest = [Fraction(0)] * rows.dimension
         for number, multiplier in self.multipliers:
@@ -124,7 +125,7 @@ class LinearBound:
             return -np.inf, "the multipliers do not sum to the objective"
         if self.status == "INFEASIBLE":
             return (np.inf, "") if total < 0 else (-np.inf, "no contradiction follows")
-        proved = Fraction(objective.constant_term) - total
+        proved = _constant(objective) - total
         bound = float(Interval.of_fraction(proved).lo)
         return bound, "" if bound >= self.lower else _LESS
 
@@ -141,7 +142,7 @@ class LinearBound:
             return "" if value <= self.upper else "the point attains more than claimed"
         if self.ray is None or len(self.ray) != rows.dimension or not _holds(rows, self.ray, 0):
             return "the ray leaves the set"
-        falls = value_at(objective, self.ray) < Fraction(objective.constant_term)
+        falls = value_at(objective, self.ray) < _constant(objective)
         return "" if falls else "the objective does not fall along the ray"
 
 
@@ -152,25 +153,36 @@ def check_linear(problem: Problem, objectives: Sequence[Polynomial]) -> None:
             raise ProblemError(f"constraints[{number}]: found {row}, expected a linear one")
     for number, p in enumerate(objectives):
         good = isinstance(p, Polynomial) and p.dimension == problem.dimension
-        if not good or p.degree > 1:
+        if not good or any(word.count(0) + 1 < len(word) for word, _ in _terms(p)):
             raise ProblemError(
                 f"objectives[{number}]: expected a linear Polynomial in "
                 f"{problem.dimension} variables"
             )
 
 
-def cost_of(objective: Polynomial) -> list[float]:
-    """List the coefficients of the variables."""
-    cost = np.zeros(objective.dimension)
-    letter = objective.words[:, -1]
-    cost[letter[letter > 0] - 1] = objective.coefficients[letter > 0]
-    return cost.tolist()
+def cost_of(objective: Polynomial) -> list[Fraction]:
+    """List the coefficients of the variables, before they are rounded."""
+    cost = [Fraction(0)] * objective.dimension
+    for word, value in _terms(objective):
+        if word[-1]:
+            cost[word[-1] - 1] = value
+    return cost
 
 
 def value_at(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
     """Evaluate a linear objective at a rational point."""
-    terms = (Fraction(c) * v for c, v in zip(cost_of(objective), point, strict=True) if c)
-    return sum(terms, Fraction(objective.constant_term))
+    terms = (c * v for c, v in zip(cost_of(objective), point, strict=True) if c)
+    return sum(terms, _constant(objective))
+
+
+def _constant(objective: Polynomial) -> Fraction:
+    return sum((value for word, value in _terms(objective) if not word[-1]), Fraction(0))
+
+
+def _terms(objective: Polynomial) -> Iterator[tuple[list[int], Fraction]]:
+    """Yield monomials and coefficients as they were given."""
+    words = objective.words if objective.exact is None else objective.exact.words
+    return zip(words.tolist(), objective.fractions, strict=True)
 
 
 def _holds(rows: Polyhedron, point: Sequence[Fraction], weight: int) -> bool:

@@ -6,6 +6,7 @@ decide are evaluated in integers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -21,8 +22,8 @@ __all__ = ["Polyhedron", "doubles", "integers"]
 _UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 
 
-def integers(values: list[float]) -> list[int]:
-    """Multiply doubles by the least power of two that makes all of them integers."""
+def integers(values: Sequence[float | Fraction]) -> list[int]:
+    """Multiply numbers by the least number that makes all of them integers."""
     pairs = [value.as_integer_ratio() for value in values]
     scale = lcm(*(denominator for _, denominator in pairs))
     return [numerator * (scale // denominator) for numerator, denominator in pairs]
