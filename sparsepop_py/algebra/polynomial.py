@@ -826,7 +826,7 @@ def _fraction(number: Any) -> Fraction | None:
         return None
     if not isinstance(number, numbers.Rational):
         return None
-    exact = Fraction(number)
+    exact = Fraction(int(number.numerator), int(number.denominator))  # those of NumPy overflow
     try:
         return None if Fraction(float(exact)) == exact else exact
     except OverflowError:

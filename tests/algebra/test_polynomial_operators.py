@@ -60,6 +60,26 @@ def test_strict_comparisons_and_inequality_raise():
 
 
 @pytest.mark.parametrize(
+    "number",
+    [
+        np.int64(2**53 + 1),
+        np.int64(-(2**63)),
+        np.uint64(2**64 - 1),
+        Fraction(np.int64(2**62 + 1), np.int64(3)),
+        Fraction(np.int8(100), np.int8(3)),
+    ],
+)
+def test_numbers_of_numpy_do_not_overflow(number):
+    x, _ = sp.variables(2)
+    value = Fraction(int(number.numerator), int(number.denominator))
+    assert (7 * (x * number)).fractions == [7 * value]
+    assert (x + number).fractions == [value, 1]
+    assert ((x + number) * (x - number)).fractions == [-(value**2), 1]
+    assert (x / number).fractions == [1 / value]
+    assert (x >= number).polynomial.fractions == [-value, 1]
+
+
+@pytest.mark.parametrize(
     "number", [np.float64(1.5), np.float32(1.5), np.int32(2), np.uint8(3), Fraction(3, 2), True]
 )
 def test_numbers_of_other_types_work_on_the_left(number):
