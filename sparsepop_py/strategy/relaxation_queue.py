@@ -234,7 +234,7 @@ def relaxation_for_nodes(
     -------
     RelaxationSpec or None
     """
-    best, most = None, STRATEGY.branching_gain / program
+    best, most = None, STRATEGY.branching_gain / max(program, 1e-3)
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base

@@ -230,3 +230,12 @@ def test_the_next_order_comes_first_where_it_is_cheap_or_alone_ends_in_time(
     queue = relaxation_queue.RelaxationQueue(state, scaled=lambda: None, share=share)
     found = queue.next_order(spec["order 3, chordal terms"], left)
     assert found is (spec["order 2"] if first else None)
+
+
+def test_nodes_without_linear_programs_of_any_cost_get_a_relaxation():
+    """Under a work limit the linear programs of a problem without any count as nothing."""
+    x, y, z = sp.variables(3)
+    problem = Problem(x, [z <= 2], lower=-2, upper=2)
+    options = Options(effort="auto", work_limit=5.0, order=5)
+    found = sp.solve_each(problem, [0 * x + 1, x**2 + 2 * x * y * z], options)
+    assert [each.lower_bound for each in found] == pytest.approx([1.0, -12.0], abs=1e-4)
