@@ -286,6 +286,74 @@ def test_files_of_ampl_that_pyomo_writes(written: Callable[[Any], sp.Problem]) -
         written(model)
 
 
+def test_constants_inside_products_of_files_of_ampl_are_kept(
+    written: Callable[[Any], sp.Problem],
+) -> None:
+    """SCIP moves them to the other side where it writes a quadratic row."""
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(0, 2)), pyo.Var(bounds=(-3, 1))
+    model.cost = pyo.Objective(expr=(model.x - 1) ** 2 + (model.y + 2) ** 2 + 0.5)
+    assert str(written(model).objective) == "5.5 - 2*x + 4*y + x^2 + y^2"
+    model.cost.sense = pyo.maximize
+    assert str(written(model).objective) == "-5.5 + 2*x - 4*y - x^2 - y^2"
+
+
+def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:
+    """3 - x y / 2 lies between -1 and 1, and is the objective."""
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "rows.nl"
+    path.write_text(NL)
+    problem = sp.read(path)
+    assert str(problem.objective) == "3 - 0.5*x0*x1"
+    assert [str(row.polynomial) for row in problem.constraints] == [
+        "4 - 0.5*x0*x1",
+        "-2 + 0.5*x0*x1",
+    ]
+
+
+NL = """g3 1 1 0
+ 2 1 1 1 0
+ 1 1
+ 0 0
+ 2 2 2
+ 0 0 0 1
+ 0 0 0 0 0
+ 2 2
+ 0 0
+ 0 0 0 0 0
+C0
+o0
+o2
+n-0.5
+o2
+v0
+v1
+n3
+O0 0
+o0
+o2
+n-0.5
+o2
+v0
+v1
+n3
+r
+0 -1 1
+b
+0 -4 4
+0 -4 4
+k1
+1
+J0 2
+0 0
+1 0
+G0 2
+0 0
+1 0
+"""
+
+
 def test_a_file_of_osil(tmp_path: Path) -> None:
     pytest.importorskip("pyscipopt")
     path = tmp_path / "disc.osil"

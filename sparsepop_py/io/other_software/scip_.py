@@ -1,7 +1,8 @@
 r"""Files with nonlinear rows, as SCIP reads them: ``.nl``, ``.pip``, ``.osil``, ``.cip``.
 
-Rows of degree one and two are taken number by number. SCIP offers no way to take those of higher
-degree so; they come by the text in which SCIP writes them, with numbers of 15 digits.
+Linear rows, and quadratic ones of files that list their products, are taken number by number.
+SCIP offers no way to take rows of higher degree and expressions, as in ``.nl``, so; they come by
+the text in which SCIP writes them, with numbers of 15 digits.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,7 +34,7 @@ _WHOLE = ("BINARY", "INTEGER", "IMPLINT")
 _TERM = re.compile(
     r"([+-]?)\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?((?:\s*\*?\s*x\d+(?:\^\d+)?)*)"
 )
-_ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(?:>=|<=|=)", re.S | re.M)
+_ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(>=|<=|=)\s*(\S+)", re.S | re.M)
 
 
 def read_by_scip(path: str | os.PathLike[str]) -> Problem:
@@ -125,9 +128,9 @@ def _linear(values: list[float], letters: list[int], names: tuple[str, ...]) -> 
 def _rows(
     model: Any, names: tuple[str, ...], number: dict[str, int], file: Path
 ) -> Iterator[Constraint]:
-    text: dict[int, Polynomial] | None = None
+    text: dict[int, _Written] | None = None
     for k, row in enumerate(model.getConss()):
-        kind = row.getConshdlrName()
+        kind, low, high = row.getConshdlrName(), _end(model.getLhs(row)), _end(model.getRhs(row))
         if row.isLinearType() or kind == "linear":
             terms = model.getValsLinear(row)
             body = _linear(list(terms.values()), [number[name] + 1 for name in terms], names)
@@ -137,12 +140,12 @@ def _rows(
             text = _written(model, names, file) if text is None else text
             if k not in text:
                 raise FormatError(f"{file}: found the row {row.name!r}, expected polynomial rows")
-            body = text[k]
+            body = text[k].between(low, high)
         else:
             raise FormatError(
                 f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
             )
-        yield from _sided(body, _end(model.getLhs(row)), _end(model.getRhs(row)), row.name)
+        yield from _sided(body, low, high, row.name)
 
 
 def _sided(body: Polynomial, low: float, high: float, name: str) -> Iterator[Constraint]:
@@ -173,7 +176,23 @@ def _quadratic(
     return Polynomial.from_words(array, np.array(values, float), len(names), names)
 
 
-def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, Polynomial]:
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """A row in the words of SCIP, which may move a constant to the other side."""
+
+    body: Polynomial
+    relation: str
+    side: float
+
+    def between(self, low: float, high: float) -> Polynomial:
+        """Return what lies between the ends of the row, with the constant."""
+        end = low if self.relation == ">=" else high
+        if float(f"{end:.15g}") == self.side:
+            return self.body
+        return self.body + (Fraction(end) - Fraction(self.side))
+
+
+def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, _Written]:
     """Read the rows that SCIP writes in its format of polynomials, by number."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "rows.pip")
@@ -183,7 +202,10 @@ def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, Polyno
         except Exception as error:
             raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
     text = text.partition("Subject to")[2].partition("\nBounds")[0]
-    return {int(found[1]): _polynomial(found[2], names, file) for found in _ROW.finditer(text)}
+    return {
+        int(found[1]): _Written(_polynomial(found[2], names, file), found[3], float(found[4]))
+        for found in _ROW.finditer(text)
+    }
 
 
 def _polynomial(text: str, names: tuple[str, ...], file: Path) -> Polynomial:
