@@ -299,6 +299,21 @@ def test_constants_inside_products_of_files_of_ampl_are_kept(
     assert str(written(model).objective) == "-5.5 + 2*x - 4*y - x^2 - y^2"
 
 
+def test_rows_without_terms_beside_cubic_ones_are_read(
+    written: Callable[[Any], sp.Problem],
+) -> None:
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(-1, 2)), pyo.Var(bounds=(0, 2))
+    model.cost = pyo.Objective(expr=model.x * model.y)
+    model.empty = pyo.Constraint(expr=model.y - model.y <= 4.5)
+    model.cubic = pyo.Constraint(expr=model.x**2 * model.y <= 2)
+    assert sorted(str(row.polynomial) for row in written(model).constraints) == [
+        "2 - x^2*y",
+        "4.5",
+    ]
+
+
 def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:
     """3 - x y / 2 lies between -1 and 1, and is the objective."""
     pytest.importorskip("pyscipopt")

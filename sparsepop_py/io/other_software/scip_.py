@@ -178,7 +178,10 @@ def _quadratic(
 
 @dataclass(frozen=True, slots=True)
 class _Written:
-    """A row in the words of SCIP, which may move a constant to the other side."""
+    """A row as SCIP writes it.
+
+    Constants may stand on the other side than in the model.
+    """
 
     body: Polynomial
     relation: str
@@ -222,7 +225,8 @@ def _polynomial(text: str, names: tuple[str, ...], file: Path) -> Polynomial:
         values.append(float((found.group(1) or "") + (found.group(2) or "1")))
     width = max(map(len, words), default=1) or 1
     padded = np.array([[0] * (width - len(word)) + word for word in words], np.int32)
-    return Polynomial.from_words(padded, np.array(values), len(names), names)
+    table = padded.reshape(-1, width)  # of rows without terms too
+    return Polynomial.from_words(table, np.array(values, float), len(names), names)
 
 
 # ---- the objective ----------------------------------------------------------------------
