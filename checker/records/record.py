@@ -55,6 +55,7 @@ class Identification:
         self.structure = self._stated(item(found, "structure", "file"))
         self.taken: list[str] = []  # what is not checked
         self.stated: list[str] = []  # rows that are part of the question
+        self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
 
@@ -200,8 +201,10 @@ class Identification:
         for v in range(len(self.names)):
             pair = self.problem.lower[v], self.problem.upper[v]
             low, high = (times(end, self.units[v]) for end in pair)
-            if not empty and v + 1 in used and not (low <= box[0][v] and box[1][v] <= high):
-                raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
+            if not empty and not (low <= box[0][v] and box[1][v] <= high):
+                if v + 1 in used:
+                    raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
+                self.chosen.add(v)
             self.whole &= v + 1 not in used or (
                 low >= self.given[0][v] and high <= self.given[1][v]
             )
@@ -214,6 +217,15 @@ class Identification:
             raise Malformed("intervals: not one for each parameter")
         return [*lines, "proved: no parameters explain the record"] if empty else lines
 
+    def _move(self, box: Ends, v: int, side: int, least: Any) -> None:
+        """Shrink the box by what the problem proves of a parameter.
+
+        Where no row speaks of it and the problem leaves out values, that is no more than whether
+        anything is feasible.
+        """
+        if v not in self.chosen or least == INF:
+            move(box, v, side, least)
+
     def _ends(self, box: Ends) -> list[Any]:
         """Shrink the box by the certificates of its ends; the attained points."""
         points = []
@@ -225,7 +237,7 @@ class Identification:
                 certificates = Certificates(given, about, "ends.certificate")
                 proved, _ = certificates.prove()
                 least = certificates.claim if proved >= certificates.claim else proved
-                move(box, v, side, times(least, self.units[v]))
+                self._move(box, v, side, times(least, self.units[v]))
             if item(end, "attained", "ends") is not None:
                 point = ProvedPoint(end["attained"], about, "ends.attained")
                 if reason := point.fails():
@@ -250,7 +262,7 @@ class Identification:
             if status != "UNBOUNDED":
                 pairs = items(item(given, "multipliers", "linear"), "linear")
                 least = combined(rows, pairs, None if status == "INFEASIBLE" else (v, side), equal)
-                move(box, v, side, least)
+                self._move(box, v, side, least)
             if item(given, "vertex", "linear") is not None:
                 x = [rational(value, "linear") for value in items(given["vertex"], "linear")]
                 if len(x) != n or infeasible(self.problem, x):
@@ -272,12 +284,25 @@ class Identification:
         for name, low, high in zip(self.names, *self.given, strict=True):
             if (low, high) != (-INF, INF):
                 lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
-        lines += self.stated + [
+        lines += self._others_given() + self.stated + [
             f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions
         ]
         if self.rounded:
             lines.append("rows of equation errors are rounded outwards, by less than a last bit")
         return lines + [f"taken as given: {what}" for what in self.taken]
+
+    def _others_given(self) -> list[str]:
+        """Bounds that a file gives of unknown samples, and of unknowns that priors bring."""
+        lines, problem = [], self.problem
+        for (group, channel, place), letter in self.record.letters.items():
+            if group not in ("y", "u", "slack"):
+                continue
+            pair = problem.lower[letter - 1], problem.upper[letter - 1]
+            low, high = (times(end, self.units[letter - 1]) for end in pair)
+            if (low, high) != (-INF, INF):
+                name = f"{group}{channel or ''}[{place + 1}]"
+                lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
+        return lines
 
     def _interval(
         self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool

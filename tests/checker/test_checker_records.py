@@ -156,6 +156,72 @@ def test_what_is_asked_is_shown():
     assert "b0" in shown[1] and "a1*eta1[1]" in shown[1] and shown[1].endswith("== 0")
 
 
+def test_bounds_of_other_unknowns_are_shown():
+    """Missing samples lie in a range, and reflection coefficients of a prior in [-1, 1]."""
+    shown = Identification(loaded("gap-range")).check()
+    assert any(line.startswith("given: y1[") for line in shown)
+    record = setid.IOData(np.r_[1.0, -1.0, 2.0, 0.5, 1.0, -2.0], np.r_[0.0, 1, -1, 2, 1, 1])
+    priors = [setid.Stable(), setid.Box({"b0": (-3, 3), "b1": (-3, 3)})]
+    model = setid.TransferFunction(3, 2, initial="zero")
+    options = setid.Options(time_limit=1.0)
+    found = setid.identify(record, model, setid.Noise(equation=5.0), priors, options)
+    about = Identification(certificate_files(found)["identification"])
+    about.check_rows()
+    assert sum(line.startswith("given: slack[") for line in about._asked()) >= 2
+
+
+# ---- parameters that no row of the file speaks of -----------------------------------------------
+
+
+def without_rows(found, ends):
+    """A file that states no rows, and bounds of its own for the parameters."""
+    problem, n = found["problem"], len(found["problem"]["lower"]["data"])
+    problem["constraints"], found["rows"], found["box"] = [], [], None
+    for side in (0, 1):
+        problem[("lower", "upper")[side]]["data"][: len(ends)] = [pair[side] for pair in ends]
+    found["ends"] = []
+    found["linear"] = [
+        {"status": "OPTIMAL", "multipliers": [[side * n + v, "1"]], "vertex": None, "ray": None}
+        for v in range(len(ends))
+        for side in (0, 1)
+    ]
+    for interval, pair in zip(found["intervals"], ends, strict=True):
+        interval.update(outer=pair, inner=None)
+
+
+def test_a_file_without_rows_bounds_no_parameters():
+    found = loaded("e-0")
+    without_rows(found, [[5.0, 6.0], [7.0, 8.0]])
+    with pytest.raises(NotProved, match=r"a1 in \[5.0, 6.0\]: only \[-inf, inf\] is proved"):
+        Identification(found).check()
+
+
+def test_a_problem_that_leaves_out_values_proves_nothing_of_other_parameters():
+    found = loaded("e-0")
+    found["problem"]["upper"]["data"][0] = -10.0
+    found["intervals"][0].update(outer=["-inf", "inf"], inner=None)
+    with pytest.raises(NotProved, match="leaves out values of a1"):
+        Identification(found).check()
+
+
+def test_certificates_about_parameters_in_no_row_prove_nothing_of_them():
+    found = loaded("o-0")
+    ends = [[5.0, 6.0], [7.0, 8.0]]
+    without_rows(found, ends)
+    part = {"steps": [], "argument": None, "empty": False, "branch": None, "children": []}
+    found["linear"], found["units"] = [], [1.0] * len(found["units"])
+    found["ends"] = [
+        {
+            "attained": None,
+            "certificate": [{"fingerprint": "", "bound": b, "cutoff": None, "parts": [part]}],
+        }
+        for low, high in ends
+        for b in (low, -high)
+    ]
+    with pytest.raises(NotProved, match="only"):
+        Identification(found).check()
+
+
 def test_texts_cannot_pretend_to_be_lines_of_the_checker():
     found = loaded("e-0")
     found["assumptions"].append("nothing\nproved: a1 in [0, 0]")
