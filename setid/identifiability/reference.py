@@ -20,7 +20,9 @@ from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.uniqueness.normalisation import (
     Nonzero,
+    loop_shift,
     normalised_by,
+    priors_speak_of,
     products_with,
     unidentifiable,
 )
@@ -108,15 +110,16 @@ def reference_model(
         If none is proved to exclude no vector, or priors speak of affected parameters.
     """
     affected = set(unidentifiable(model))
-    for prior in priors:
-        if affected & set(prior.bounds(model)):
-            raise ModelError(
-                f"priors: found {prior.describe()}, which speaks of parameters that are not "
-                "unique without a normalisation; expected priors on the others alone"
-            )
-    if isinstance(model, Lure):
-        return Reference(normalised_by(model, {"gamma1": 0.0}), None)
     formulation = formulate(data, model, noise, priors)
+    shift = loop_shift(model) if isinstance(model, Lure) else None
+    changed = affected if shift is None else affected | shift.changed
+    if priors_speak_of(formulation, changed):
+        raise ModelError(
+            f"priors: found some that speak of {', '.join(sorted(changed))}, which are not unique "
+            "without a normalisation; expected priors on the others alone"
+        )
+    if shift is not None:
+        return Reference(shift.reference, None)
     rows = formulation.products
     if rows is not None:
         box = parameter_box(rows.regression, rows.start(start_of(formulation)))

@@ -20,7 +20,8 @@ Control 31 (2021), section on identifiability.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,12 @@ from sparsepop_py.verified.uncertain_rows.products import ProductRows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
+    "LoopShift",
     "Nonzero",
     "convert_ends",
+    "loop_shift",
     "normalised_by",
+    "priors_speak_of",
     "products_with",
     "reference_follows",
     "scaled_signals",
@@ -317,6 +321,73 @@ def products_with(rows: ProductRows, box: ParameterBox) -> set[int]:
     return {i for m, place in rows.place.items() if sure[place] and len(m) == 2 for i in m}
 
 
+class LoopShift(NamedTuple):
+    """A shift of a feedback loop that takes the linear term of its map to zero.
+
+    Parameters
+    ----------
+    reference : BlockStructured
+        The structure without that term.
+    changed : frozenset of str
+        The parameters that the shift changes.
+    """
+
+    reference: BlockStructured
+    changed: frozenset[str]
+
+
+def loop_shift(model: BlockStructured) -> LoopShift | None:
+    """Find the shift y = G (u - N(y)) of a loop; None where none excludes no system.
+
+    The shifted denominator is of the same order where the numerator reaches no further back, and
+    only numbers that the shift does not change may be fixed. Static gains are rows of priors.
+
+    Parameters
+    ----------
+    model : BlockStructured
+
+    Examples
+    --------
+    >>> import setid
+    >>> shift = loop_shift(setid.Lure(setid.TransferFunction(2, 1, 1), 2))
+    >>> shift.reference.parameters, sorted(shift.changed)
+    (('a1', 'a2', 'b1', 'gamma2'), ['a1', 'gamma1'])
+    >>> loop_shift(setid.Lure(setid.TransferFunction(1, 2, 1), 2)) is None  # no lag 2 in A
+    True
+    """
+    if len(model.blocks) != 1 or len(model.maps) != 1 or (model.inputs, model.outputs) != (1, 1):
+        return None
+    (target, item), block = model.maps[0], model.blocks[0]
+    if block.target != "y1" or block.source != (("u1", 1.0), (target, -1.0)):
+        return None
+    if item.arguments != ("y1",) or (1,) not in item.basis:
+        return None
+    transfer, first = model.wiring.transfer(block), _linear_term(model)
+    lags = range(transfer.delay, transfer.delay + len(transfer.numerator))
+    if not (lags.start >= 1 and lags.stop - 1 <= len(transfer.denominator)):
+        return None
+    if {name for name, _ in model.fixed} & {first, *transfer.numerator, *transfer.denominator}:
+        return None
+    changed = {transfer.denominator[lag - 1] for lag in lags}
+    return LoopShift(normalised_by(model, {first: 0.0}), frozenset({first, *changed}))
+
+
+def priors_speak_of(formulation: Formulation, names: Collection[str]) -> bool:
+    """Check whether bounds or rows of priors hold some of these parameters.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    names : collection of str
+    """
+    wanted = {i for i, name in enumerate(formulation.parameters) if name in names}
+    pairs = zip(formulation.problem.constraints, formulation.rows.origin, strict=True)
+    rows = [row for row, origin in pairs if origin == "prior"]
+    if any(wanted & set(row.polynomial.support.tolist()) for row in rows):
+        return True
+    return any(set(names) & set(prior.bounds(formulation.model)) for prior in formulation.priors)
+
+
 def reference_follows(
     formulation: Formulation, reference: BlockStructured, nonzero: Nonzero | None
 ) -> bool:
@@ -335,10 +406,13 @@ def reference_follows(
     if not isinstance(model, BlockStructured):
         return False
     affected = unidentifiable(model)
-    if any(set(affected) & set(prior.bounds(model)) for prior in formulation.priors):
+    if priors_speak_of(formulation, affected):
         return False
     if isinstance(model, Lure):
-        return reference == normalised_by(model, {"gamma1": 0.0})
+        shift = loop_shift(model)
+        if shift is None or priors_speak_of(formulation, shift.changed):
+            return False
+        return reference == shift.reference
     chosen = [name for name in affected if normalised_by(model, name) == reference]
     if not chosen or unidentifiable(reference):
         return False

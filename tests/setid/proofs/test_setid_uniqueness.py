@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import product
 from math import inf
@@ -12,10 +12,13 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.formulation.formulation import Formulation
+from setid.priors.base import Prior
 from setid.proofs.parameter_box import ParameterBox, start_of
 from setid.proofs.uniqueness.free_parameters import _free, free_parameters
 from setid.proofs.uniqueness.normalisation import (
     convert_ends,
+    loop_shift,
     normalised_by,
     products_with,
     reference_follows,
@@ -112,6 +115,76 @@ def test_references_need_a_proof_that_what_they_fix_is_not_zero() -> None:
     first = [setid.Box({"gamma1": (0.5, 2.0)})]
     bounded = setid.formulate(known.data, BARE, known.noise, first)
     assert not reference_follows(bounded, reference, box)  # the prior fixes a scale of its own
+
+
+def loop(model: setid.Lure, theta: list[float], priors: list[Prior] | None = None) -> Formulation:
+    """A record of a feedback loop without noise."""
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, 12)
+    data = setid.IOData(u, setid.simulate(model, theta, u))
+    return setid.formulate(data, model, setid.Noise(output=1e-3), priors or [])
+
+
+def without_linear_term(model: setid.BlockStructured) -> setid.BlockStructured:
+    return normalised_by(model, {"gamma1": 0.0})
+
+
+SECOND = setid.TransferFunction(2, 1, 1)
+
+
+def test_the_linear_term_of_a_loop_belongs_to_its_linear_block() -> None:
+    model = setid.Lure(SECOND, 2)
+    known = loop(model, [-0.5, 0.3, 1.0, 2.0, 0.1])
+    assert reference_follows(known, without_linear_term(model), None)
+    assert not reference_follows(known, normalised_by(model, {"gamma1": 0.5}), None)
+    assert not reference_follows(known, normalised_by(model, {"gamma2": 0.0}), None)
+    fixed = model.normalised({"gamma2": 0.25})
+    assert reference_follows(loop(fixed, [-0.5, 0.3, 1.0, 2.0]), without_linear_term(fixed), None)
+
+
+@pytest.mark.parametrize(
+    ("model", "theta"),
+    [
+        (setid.Lure(setid.TransferFunction(1, 2, 1), 2), [-0.3, 0.5, 0.4, 0.8, 0.3]),
+        (setid.Lure(ONE, 2, normalise="dcgain"), [-0.5, 0.5, 0.6, 0.3]),
+        (setid.Lure(ONE, 2, normalise="b1"), [-0.5, 0.6, 0.3]),
+        (setid.Lure(ONE, 2, normalise={"a1": -0.5}), [0.5, 0.6, 0.3]),
+        (setid.Lure(ONE, [2, 1]), [-0.5, 0.5, 0.6, 0.3]),
+        (setid.Lure(ONE, [2, 3]), [-0.5, 0.5, 0.6, 0.3]),
+    ],
+    ids=["a numerator that reaches further", "dcgain", "b1", "a1", "squares first", "no such term"],
+)
+def test_loops_without_the_freedom_of_a_shift_have_no_reference(
+    model: setid.Lure, theta: list[float]
+) -> None:
+    """With gamma1 = 0 the record has no parameters, although it was made with some."""
+    assert not reference_follows(loop(model, theta), without_linear_term(model), None)
+
+
+def test_the_name_of_a_structure_makes_no_loop() -> None:
+    """A map at the input, and one whose argument is not the output, called a loop."""
+    plain = setid.Hammerstein(ONE, 2, normalise="b1")
+    called: setid.BlockStructured = object.__new__(setid.Lure)
+    for item in fields(setid.BlockStructured):
+        object.__setattr__(called, item.name, getattr(plain, item.name))
+    assert loop_shift(called) is None
+    sum_of = setid.BlockStructured({("y1", "u1 + w"): ONE}, {"w": setid.StaticMap("y1", 2)})
+    assert loop_shift(sum_of) is None  # an argument for another sign
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, 12)
+    data = setid.IOData(u, setid.simulate(plain, [-0.4, 1.0, 0.3], u))
+    known = setid.formulate(data, called, setid.Noise(output=1e-3))
+    assert not reference_follows(known, without_linear_term(called), None)
+
+
+def test_priors_on_what_a_shift_changes_refuse_it() -> None:
+    """Jury's form of a stable G bounds a2 alone, and its rows hold a1."""
+    model = setid.Lure(SECOND, 2)
+    prior = setid.Stable(form="jury")
+    assert "a1" not in prior.bounds(model)
+    known = loop(model, [-0.5, 0.3, 1.0, 2.0, 0.1], [prior])
+    assert not reference_follows(known, without_linear_term(model), None)
+    options = setid.Options(unidentifiable="report")
+    with pytest.raises(setid.ModelError, match="speak of a1, gamma1"):
+        setid.identify(known.data, model, known.noise, [prior], options)
 
 
 def test_products_are_not_zero_on_one_side_of_zero_only() -> None:
