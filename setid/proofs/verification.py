@@ -16,6 +16,7 @@ from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import admitted, rows_say_all
+from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import reference_follows, unidentifiable
@@ -49,6 +50,8 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
         (name, name) for name in again.parameters
     ]:
         return Verification(False, "the intervals are not those of the parameters, in their order")
+    if wrong := _misstated(claims):
+        return Verification(False, f"nothing is consistent, and {wrong} is not said to be empty")
     if claims.reference is not None:
         return _verify_reference(claims, claims.reference, again)
     if claims.box is not None:
@@ -65,6 +68,14 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
     return _verify_results(claims, again, in_units(problem, again)) if fewer.ok else fewer
 
 
+def _misstated(claims: Evidence) -> str:
+    """Name a parameter that has values where it is claimed that no parameters have any."""
+    nothing = IntervalStatus.EMPTY, (inf, -inf), None
+    said = {item.name: (item.status, item.outer, item.inner) for item in claims.intervals.values()}
+    return next((name for name in said if claims.empty and said[name] != nothing), "")
+
+
+_SAYS = (IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE)  # more than intervals do
 _NOT_EMPTY = "the box is empty, and the intervals are not"
 
 
@@ -92,10 +103,15 @@ def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> 
     if found.empty != claims.empty:
         return Verification(False, "emptiness is not that of the reference")
     known: dict[str, Any] = {n: (item.outer, item.inner) for n, item in found.intervals.items()}
-    known |= dict.fromkeys(unidentifiable(again.model), ((-inf, inf), None))
+    scales = dict.fromkeys(unidentifiable(again.model), ((-inf, inf), None))
+    known |= scales
     for name, item in claims.intervals.items():
         if not claims.empty and (item.outer, item.inner) != known.get(name):
             return Verification(False, f"the interval of {name} is not that of the reference")
+        of_scale = name in scales and item.status is IntervalStatus.UNIDENTIFIABLE
+        if item.status in _SAYS and not of_scale:
+            if name not in found.intervals or found.intervals[name].status is not item.status:
+                return Verification(False, f"it is not proved that {name} is {item.status}")
     # with the priors as stated: a prior may ask for more than its rows do
     return verify(replace(found, formulation=stated), again.data)
 

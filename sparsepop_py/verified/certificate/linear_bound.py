@@ -102,13 +102,15 @@ class LinearBound:
         check_linear(problem, [objective])
         rows = Polyhedron.of(problem)
         bound, reason = self._bound(rows, objective)
-        point = reason or self._point_fails(rows, objective)
-        return Verdict(not point, bound, point)
+        reason = reason or self._point_fails(rows, objective) or self._misstated()
+        return Verdict(not reason, bound, reason)
 
     def _bound(self, rows: Polyhedron, objective: Polynomial) -> tuple[float, str]:
         """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status == "UNBOUNDED":
             return -np.inf, "" if self.lower == -np.inf else _LESS
+        if self.status not in ("OPTIMAL", "INFEASIBLE"):
+            return -np.inf, "the status is none"
         total, rest = Fraction(0), [-c for c in cost_of(objective)]
         if self.status == "INFEASIBLE":
             rest = [Fraction(0)] * rows.dimension
@@ -127,23 +129,40 @@ class LinearBound:
             return (np.inf, "") if total < 0 else (-np.inf, "no contradiction follows")
         proved = _constant(objective) - total
         bound = float(Interval.of_fraction(proved).lo)
-        return bound, "" if bound >= self.lower else _LESS
+        least = self.lower <= bound and (self.value is None or self.value <= proved)
+        return bound, "" if least else _LESS
 
     def _point_fails(self, rows: Polyhedron, objective: Polynomial) -> str:
         """Describe the fault of the attained point or ray, empty if there is none."""
         if self.status == "INFEASIBLE":
-            return ""
+            attains = self.upper != np.inf or not self.lower <= np.inf
+            return "nothing is feasible, and an end is stated" if attains else ""
         if self.vertex is None or len(self.vertex) != rows.dimension:
             return "there is no attained point"
         if not _holds(rows, self.vertex, 1):
             return "the attained point violates a row"
         if self.status == "OPTIMAL":
             value = value_at(objective, self.vertex)
-            return "" if value <= self.upper else "the point attains more than claimed"
+            most = value <= self.upper and (self.value is None or value <= self.value)
+            return "" if most else "the point attains more than claimed"
         if self.ray is None or len(self.ray) != rows.dimension or not _holds(rows, self.ray, 0):
             return "the ray leaves the set"
         falls = value_at(objective, self.ray) < _constant(objective)
         return "" if falls else "the objective does not fall along the ray"
+
+    def _misstated(self) -> str:
+        """Describe what the other fields say beside the point; empty if they agree."""
+        if self.status != "OPTIMAL" and self.value is not None:
+            return "there is no optimum"
+        if self.status == "INFEASIBLE" and (self.vertex is not None or self.ray is not None):
+            return "there is no feasible point"
+        if self.x is None:
+            return ""
+        ends = [Interval.of_fraction(v) for v in self.vertex or ()]
+        near = len(ends) == self.x.size and all(
+            end.lo <= value <= end.hi for end, value in zip(ends, self.x.tolist(), strict=True)
+        )
+        return "" if near else "the point in doubles is another one"
 
 
 def check_linear(problem: Problem, objectives: Sequence[Polynomial]) -> None:

@@ -355,3 +355,48 @@ def test_bounds_for_each_sample_are_those_of_one_record() -> None:
     assert result.verify(part).ok
     verdict = result.verify(whole)
     assert not verdict.ok and "another record" in verdict.reason
+
+
+@pytest.mark.parametrize("status", [IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE])
+def test_words_about_a_parameter_are_those_of_the_reference(
+    reported: Evidence, status: IntervalStatus
+) -> None:
+    """Wide ends follow for a1, and say nothing of values of any size."""
+    assert reported.reference is not None
+    wide: dict[str, Any] = {"outer": (-inf, inf), "inner": None}
+    weak = with_interval(reported.reference, "a1", **wide, status=IntervalStatus.PARTIAL)
+    claims = with_interval(replace(reported, reference=weak), "a1", **wide, status=status)
+    assert not verify(claims).ok
+    assert verify(with_interval(claims, "a1", status=IntervalStatus.PARTIAL)).ok
+
+
+# ---- emptiness ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("noise", [setid.Noise(equation=0.01), setid.Noise(output=0.01)])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"inner": (0.25, 0.5), "outer": (0.0, 1.0), "status": IntervalStatus.CERTIFIED},
+        {"inner": (0.25, 0.5)},
+        {"outer": (0.0, 1.0)},
+        {"status": IntervalStatus.UNBOUNDED},
+    ],
+)
+def test_where_nothing_is_consistent_no_parameter_has_values(
+    noise: setid.Noise, changes: dict[str, Any]
+) -> None:
+    claims = found(noise)
+    assert claims.empty and verify(claims).ok
+    assert not verify(with_interval(claims, "b0", **changes)).ok
+
+
+def test_programs_that_are_infeasible_attain_nothing() -> None:
+    """Each claims that its objective falls without limit, so that any interval is attained."""
+    claims = found(setid.Noise(equation=0.01))
+    falling = tuple(replace(bound, lower=-1.0, upper=-inf) for bound in claims.bounds)
+    claims = replace(claims, bounds=falling)
+    for name in claims.intervals:
+        open_: dict[str, Any] = {"outer": (-1.0, 1.0), "inner": (-0.5, 0.5)}
+        claims = with_interval(claims, name, **open_, status=IntervalStatus.PARTIAL)
+    assert not verify(claims).ok

@@ -226,3 +226,54 @@ def test_rows_of_a_problem_are_constraints_and_both_bounds():
     assert rows.signs([1, 1], 1, 1).tolist() == [-1, 1, 1, 1, 1, 1]
     assert rows.signs([0, 0], 1, 1).tolist() == [-1, -1, 1, 1, 1, 1]
     assert rows.signs([1, 8], 1, 1).tolist()[5] == -1
+
+
+# ---- what else is stated --------------------------------------------------------------------
+
+
+NO_POINT = sp.Problem(x, [x - 2 >= 0], lower=0, upper=1)  # x >= 2 and x <= 1
+CROSSED = bound("INFEASIBLE", INF, INF, [(0, F(1)), (3, F(1))])
+DOWNWARDS = bound("UNBOUNDED", -INF, -INF, vertex=point(0, 0), ray=point(-1, 0))
+HALF_PLANE = sp.Problem(x, [y >= 0])
+
+
+def test_emptiness_and_falling_objectives_are_verified():
+    assert CROSSED.verify(NO_POINT, x).ok
+    assert DOWNWARDS.verify(HALF_PLANE, x).ok
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"upper": -INF},
+        {"upper": 0.5},
+        {"upper": np.nan},
+        {"lower": np.nan},
+        {"x": np.array([0.5, 0.5])},
+        {"vertex": point(1, 0)},
+        {"ray": point(-1, 0)},
+        {"value": F(1)},
+    ],
+)
+def test_where_nothing_is_feasible_nothing_is_attained(fields):
+    assert not replace(CROSSED, **fields).verify(NO_POINT, x).ok
+
+
+@pytest.mark.parametrize("fields", [{"value": F(-7)}, {"x": np.array([1.0, 0.0])}, {"status": "?"}])
+def test_unbounded_objectives_have_no_optimum_and_one_point(fields):
+    assert not replace(DOWNWARDS, **fields).verify(HALF_PLANE, x).ok
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"value": F(1, 2) + F(1, 10**30)},
+        {"value": F(1, 2) - F(1, 10**30)},
+        {"x": np.array([0.5, np.nextafter(0.5, 1)])},
+        {"x": np.array([0.5])},
+        {"x": np.array([np.nan, 0.5])},
+    ],
+)
+def test_the_optimum_and_its_point_are_those_that_are_proved(fields):
+    assert replace(GOOD, value=F(1, 2), x=np.array([0.5, 0.5])).verify(PROBLEM, x).ok
+    assert not replace(GOOD, **fields).verify(PROBLEM, x).ok
