@@ -284,9 +284,8 @@ class Identification:
         for name, low, high in zip(self.names, *self.given, strict=True):
             if (low, high) != (-INF, INF):
                 lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
-        lines += self._others_given() + self.stated + [
-            f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions
-        ]
+        lines += self._others_given() + self.stated
+        lines += [f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions]
         if self.rounded:
             lines.append("rows of equation errors are rounded outwards, by less than a last bit")
         return lines + [f"taken as given: {what}" for what in self.taken]

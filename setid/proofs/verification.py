@@ -46,12 +46,8 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
         return Verification(False, f"the noise bounds are those of another record: {cause}")
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
-    if [(name, item.name) for name, item in claims.intervals.items()] != [
-        (name, name) for name in again.parameters
-    ]:
-        return Verification(False, "the intervals are not those of the parameters, in their order")
-    if wrong := _misstated(claims):
-        return Verification(False, f"nothing is consistent, and {wrong} is not said to be empty")
+    if reason := _misstated(claims, again):
+        return Verification(False, reason)
     if claims.reference is not None:
         return _verify_reference(claims, claims.reference, again)
     if claims.box is not None:
@@ -68,11 +64,16 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
     return _verify_results(claims, again, in_units(problem, again)) if fewer.ok else fewer
 
 
-def _misstated(claims: Evidence) -> str:
-    """Name a parameter that has values where it is claimed that no parameters have any."""
+def _misstated(claims: Evidence, again: Formulation) -> str:
+    """Say what intervals are not those of the parameters, or not empty; nothing if all are."""
+    names = [(name, item.name) for name, item in claims.intervals.items()]
+    if names != [(name, name) for name in again.parameters]:
+        return "the intervals are not those of the parameters, in their order"
     nothing = IntervalStatus.EMPTY, (inf, -inf), None
-    said = {item.name: (item.status, item.outer, item.inner) for item in claims.intervals.values()}
-    return next((name for name in said if claims.empty and said[name] != nothing), "")
+    for item in claims.intervals.values():
+        if claims.empty and (item.status, item.outer, item.inner) != nothing:
+            return f"nothing is consistent, and {item.name} is not said to be empty"
+    return ""
 
 
 _SAYS = (IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE)  # more than intervals do
