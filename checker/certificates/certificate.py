@@ -352,6 +352,9 @@ class Certificate:
         if not count:
             raise Malformed(f"{place}: no parts")
         self.parts = [Part(p, n, f"{place}.parts[{k}]", k, count) for k, p in enumerate(got.parts)]
+        children = [child for part in self.parts for child in part.children]
+        if len(set(children)) < len(children):
+            raise Malformed(f"{place}: a part that is a child twice")
         known = (s for part in self.parts for s in part.steps if isinstance(s, Known))
         self.quotes = {tuple(bound) for step in known for bound in step.given.bounds}
         below([quoted for _, _, quoted in self.quotes], own, f"{place}: a quoted certificate")

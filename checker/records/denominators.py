@@ -265,6 +265,8 @@ class Tree:
 
     def leaves(self, ends: Ends) -> Iterator[Ends]:
         """List boxes of the leaves that are left."""
+        if not self.stable and self.rows.order >= len(self.got.nodes).bit_length():
+            raise Malformed("box.nodes: fewer than there are first cones")
         firsts = first_cones(self.rows.order, self.stable)
         waiting, seen = [(n, cone, ends) for n, cone in enumerate(firsts)], set[int]()
         kinds = dict.fromkeys(("children", "edge", "weights", "family", "powers", "minors"), "l")

@@ -280,7 +280,7 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         reach[0].append(sum(low for low, _ in pairs) >> _K)
         reach[1].append(up(sum(high for _, high in pairs)))
     hull: Ends = [[INF] * p, [-INF] * p]
-    stack = [(0, Region(box, reach, *tables))]
+    stack, seen = [(0, Region(box, reach, *tables))], {0}
     while stack:
         place, region = stack.pop()
         node = fields(got.nodes[place], "box", 0, steps="l", split="i", at="f", children="l")
@@ -296,6 +296,9 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         if any(not place < whole(child, "box") < len(got.nodes) for child in node.children):
             raise Malformed("box: children that do not come later")
         alike("box: a node is parted in two", node.children, "ab")
+        if len(seen | set(node.children)) < len(seen) + 2:
+            raise Malformed("box: a node that is a child twice")
+        seen.update(node.children)
         below([node.split], len(region.low + region.least), "box.split")
         low, high, at = region.low + region.least, region.high + region.most, down(node.at)
         first, second = list(high), list(low)

@@ -152,6 +152,14 @@ def test_limits_hold_on_parts_and_no_further():
 # ---- from definitions ---------------------------------------------------------------------------
 
 
+def test_there_are_as_many_nodes_as_first_cones():
+    """Of thirty poles there would be a billion."""
+    u = [float(k % 7) for k in range(80)]
+    known = about({"na": 30, "nb": 1, "nk": 0, "initial": "free"}, [u], u, 0.125)
+    with pytest.raises(reading.Malformed, match="first cones"):
+        by_denominators(step([], [40]), regression(known), [[-1] * 31, [1] * 31])
+
+
 def test_minors_of_a_cubic():
     """(z - 1)^j (z + 1)^(3 - j) has b = e_j: b1 b2 - b0 b3, times 64."""
     cone = first_cones(3, True)[0]

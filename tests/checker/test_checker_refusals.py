@@ -97,6 +97,22 @@ FORBIDDEN = {
     "a single end": ((*SCALING, "ends"), [array("f8", [2], [-1.0, -1.0])]),
     "a branch without children": ((*ROOT, "branch"), [0, 0.0]),
     "children without a branch": ((*ROOT, "children"), [1, 1]),
+    "a part that is a child twice": (
+        (*ROOT[:-1],),
+        lambda parts: [
+            {**parts[0], "branch": [0, 0.5], "children": [1, 1]},
+            {**parts[0], "steps": []},
+        ],
+    ),
+    "one bound for all variables": (("problem", "lower"), array("f8", [], [-2.0])),
+    "a word that stands twice": (
+        ("problem", "objective"),
+        {
+            "dimension": 2,
+            "words": array("i4", [2, 2], [1, 2, 2, 1]),
+            "coefficients": array("f8", [2], [0.5, 0.5]),
+        },
+    ),
     "an infinite cutoff": (("certificate", -1, "cutoff"), "inf"),
     "a bound that is no number": (("certificate", -1, "bound"), "nan"),
     "a ray that is a number": (("ray",), 3.0),
@@ -122,6 +138,37 @@ def test_what_the_page_forbids_is_malformed(good, tmp_path, name):
     if name == "a free variable of scale 0":
         found = changed(found, (*SCALING, "scale"), lambda a: first(a, 0.0))
     assert codes(found, tmp_path) == (2, 2)
+
+
+def test_trees_whose_parts_are_shared_take_no_time(good, tmp_path):
+    """Fifty parts with both children alike would be 2^50 leaves."""
+    part = {"steps": [], "argument": None, "empty": False}
+    parts = [{**part, "branch": [0, 0.5], "children": [k + 1, k + 1]} for k in range(50)]
+    parts.append({**part, "branch": None, "children": []})
+    assert codes(changed(unneeded(good), ROOT[:-1], parts), tmp_path) == (2, 2)
+
+
+def test_words_of_no_rows_are_not_as_wide_as_a_file_says(tmp_path):
+    """A few letters of text, and a thousand monomials of forty megabytes each."""
+    n = 45
+    x = sp.variables(n)
+    problem = sp.Problem(sp.total(x[i] * x[j] for i in range(n) for j in range(i)), [], -1, 1)
+    (tmp_path / "problem.json").write_text(sp.to_json(problem), encoding="utf-8")
+    ends = {"centre": array("f8", [n], [0.0] * n), "scale": array("f8", [n], [2.0] * n)}
+    ends |= {"boxed": array("b1", [n], [True] * n), "side": array("i8", [n], [0] * n)}
+    none, nothing = array("i8", [0], []), array("f8", [0], [])
+    word = array("i4", [0, 9_999_999], [])
+    both = {"scaling": {**ends, "ends": None}, "products": array("i8", [0, 2], [])}
+    dual = {"generator": none, "word": word, "value": nothing, "owner": none}
+    priced = {"multipliers": [], "priced": {"words": word, "values": nothing}}
+    for argument in ({"is": "LinearDual", **both, **dual}, {"is": "Identity", **both, **priced}):
+        part = {"steps": [], "argument": argument, "empty": False, "branch": None, "children": []}
+        proof = {"fingerprint": problem.fingerprint, "bound": -1e6, "cutoff": None}
+        proof |= {"correction": 0.0, "assumptions": [], "parts": [part]}
+        found = {"format": "sparsepop-py", "version": 6, "is": "certificate", "certificate": [proof]}
+        (tmp_path / "proof.json").write_text(json.dumps(found), encoding="utf-8")
+        files = [str(tmp_path / "problem.json"), str(tmp_path / "proof.json")]
+        assert (main(["verify", *files]), command.main(files)) == (0, 0)
 
 
 def test_free_multipliers_of_inequalities_are_malformed(good, tmp_path):

@@ -354,7 +354,7 @@ def test_parts_cover_a_region_and_are_numbered_upwards():
     assert by_simulation(tree([*halves[:2], gone], 3), rows, ends) == by_simulation(
         tree([{}], 3), rows, ends
     )
-    for spoiled in ([0, 2], [1], [1, 3], [2, 1, 2], [-1, 2]):
+    for spoiled in ([0, 2], [1], [1, 3], [2, 1, 2], [-1, 2], [1, 1]):
         with pytest.raises((reading.Malformed, LookupError)):
             by_simulation(tree([halves[0] | {"children": spoiled}, {}, {}], 3), rows, ends)
     for split in (3, -1):

@@ -401,6 +401,8 @@ class DenominatorCells:
         ----------
         rows : OutputRows
         """
+        if not rows.stable and rows.order >= len(self.cells).bit_length():
+            return None  # fewer cells than first cones, whose number grows as 2^n
         waiting = list(enumerate(first_cones(rows.order, rows.stable)))
         found = dict[int, Cone]()
         while waiting:

@@ -206,11 +206,12 @@ class SimulatedBox(Bounds):
         """Compute the box of all leaves that are not empty; None where the tree is malformed."""
         d = parts.dimension
         low, high = np.full(d, np.inf), np.full(d, -np.inf)
-        waiting = [(root, 0)]
+        waiting, seen = [(root, 0)], set[int]()
         while waiting:
             region, number = waiting.pop()
-            if not 0 <= number < len(self.nodes):
+            if number in seen or not 0 <= number < len(self.nodes):
                 return None
+            seen.add(number)
             node = self.nodes[number]
             region = _after_steps(formulation, parts, region, node)
             if region is None:

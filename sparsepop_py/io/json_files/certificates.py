@@ -302,8 +302,9 @@ class _Certificates:
             return codec.read(codecs.field_of(found, name, place), f"{place}.{name}")
 
         children = part("children", sequence(whole))
-        if any(not own < child <= own + len(nodes) for child in children):
-            raise codecs.wrong(f"{place}.children", list(children), "numbers of later parts")
+        if any(child not in nodes for child in children) or len(set(children)) < len(children):
+            expected = "numbers of later parts, each once in a tree"
+            raise codecs.wrong(f"{place}.children", list(children), expected)
         branch = part("branch", optional(_BRANCH))
         if len(children) != (0 if branch is None else 2):
             raise codecs.wrong(f"{place}.children", list(children), "two of a branch, else none")
@@ -312,7 +313,7 @@ class _Certificates:
             part("argument", optional(ARGUMENT)),
             part("empty", flag),
             branch,
-            tuple(nodes[child] for child in children),
+            tuple(nodes.pop(child) for child in children),
         )
 
     def _write_known(self, step: Known) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
+    array_of,
     number,
     optional,
     record,
@@ -69,7 +70,7 @@ def _read_problem(found: Any, place: str) -> RationalProblem:
 
     rows = [*part("constraints", sequence(CONSTRAINT))]
     rows += part("rational_constraints", sequence(RATIONAL_CONSTRAINT))
-    bounds = part("lower", array), part("upper", array)
+    bounds = part("lower", array_of("F", 1)), part("upper", array_of("F", 1))
     names = part("names", sequence(text))
     return RationalProblem(part("objective", RATIONAL), rows, *bounds, names, part("sense", text))
 

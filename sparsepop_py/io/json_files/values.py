@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ClaimError, ProblemError
 from sparsepop_py.io.json_files import codecs
@@ -15,6 +16,7 @@ from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
+    array_of,
     finite,
     number,
     optional,
@@ -61,7 +63,10 @@ def _polynomial(words: Any, coefficients: Any, dimension: int) -> Polynomial:
         raise ProblemError("polynomial: found other types, expected i4 words and f8 coefficients")
     if words.size and not (words.min() >= 0 and words.max() <= dimension):
         raise ProblemError(f"polynomial: found a variable outside 1..{dimension}")
-    return Polynomial.from_words(np.sort(words, axis=1), coefficients, dimension)
+    words = monomials.trim(np.sort(words, axis=1))
+    if monomials.collect(words, dimension)[0].shape[0] < words.shape[0]:
+        raise ProblemError("polynomial: found a word twice, expected distinct ones")
+    return Polynomial.from_words(words, coefficients, dimension)
 
 
 def _kind(found: Any, place: str) -> Kind:
@@ -119,8 +124,8 @@ _PROBLEM = record(
     _problem,
     objective=POLYNOMIAL,
     constraints=sequence(CONSTRAINT),
-    lower=array,
-    upper=array,
+    lower=array_of("F", 1),
+    upper=array_of("F", 1),
     names=sequence(text),
     squares=sequence(_WEIGHTED),
     sense=text,

@@ -115,6 +115,7 @@ class LinearDual:
         )
         place, term = made.system.terms_of(generator)
         words = monomials.multiply(self.word[keep][place], made.system.words[term])
+        words = monomials.trim(words)  # as wide as a file says, if it has no row
         part = -(Interval.point(value[keep][place]) * made.value[term])
         asked, row, constant = self.scaling.expanded(objectives)
         width = max(words.shape[1], asked.shape[1])

@@ -209,7 +209,7 @@ class Identity:
         words, _, value = scaling.expanded(objective)
         all_words, all_values = [words], [value]
         if self.priced is not None:
-            all_words.append(self.priced.words)
+            all_words.append(monomials.trim(np.sort(self.priced.words, axis=1)))
             all_values.append(-Interval.point(self.priced.values.astype(float)))
         for group in self.multipliers:
             words, value = group.times(made, entries)

@@ -136,10 +136,12 @@ def prove_point(
     -------
     ProvedPoint or None
     """
+    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
+    if not distinct or rows.size != solved.size:
+        return None
     if proof == "exact":
         return _prove_exactly(problem, x, rows, solved)
-    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
-    if not distinct or not 0 < rows.size == solved.size:
+    if not rows.size:
         return None
     if proof == "krawczyk":
         return _prove_by_krawczyk(problem, x, rows, solved)
@@ -176,13 +178,15 @@ def _prove_exactly(
         return None
     objective = problem.objective_row
     value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
-    point = np.array([float(v) for v in exact])
-    radius = max(
-        (abs(exact[v] - Fraction(float(point[v]))) for v in solved.tolist()), default=Fraction(0)
-    )
+    try:
+        near = [float(exact[v]) for v in solved.tolist()]
+    except OverflowError:  # it lies beyond all doubles
+        return None
+    pairs = zip(solved.tolist(), near, strict=True)
+    radius = max((abs(exact[v] - Fraction(float(m))) for v, m in pairs), default=Fraction(0))
     upper, reach = (float(Interval.of_fraction(v).hi) for v in (value, radius))
     kept = x.copy()
-    kept[solved] = point[solved]
+    kept[solved] = near
     return ProvedPoint(kept, upper, reach, "exact", rows, solved)
 
 

@@ -243,6 +243,13 @@ def test_second_order_and_several_leaves() -> None:
     assert not replace(found.cells, cells=(cyclic, *cells[1:])).verify(good)
 
 
+def test_there_are_as_many_cells_as_first_cones() -> None:
+    """Of thirty poles there would be a billion."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 80)
+    known = setid.formulate(setid.IOData(u, u), setid.TransferFunction(30, 1), setid.Noise(0.1))
+    assert not DenominatorCells(0, [40], np.zeros((1, 80)), (Cell(),)).verify(known)
+
+
 def test_weights_on_an_edge_are_positive_integers() -> None:
     cone = first_cones(1, True)[0]
     parts = parted_cone(cone, (0, 1), (1, 3))

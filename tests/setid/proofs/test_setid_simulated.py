@@ -377,6 +377,11 @@ def test_damaged_trees_prove_no_more(result) -> None:
         assert not forged(box, nodes=nodes).verify(formulation, start)
     for first in (None, forged(box.first, lower=box.first.lower + 0.01)):
         assert not forged(box, first=first).verify(formulation, start)
+    open_ends = np.full(4, np.inf)
+    for children, good in (((1, 2), True), ((1, 1), False)):  # which would double at each node
+        nodes = TreeNode((), root.split, root.at, children), TreeNode(), TreeNode()
+        wide = forged(box, lower=-open_ends, upper=open_ends, nodes=nodes)
+        assert wide.verify(formulation, start) == good
     assert not forged(box, directions=box.directions[:, :3]).verify(formulation, start)
     assert not forged(box, directions=box.directions * np.nan).verify(formulation, start)
     other = formulated(record(seed=2))

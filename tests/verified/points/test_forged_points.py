@@ -29,6 +29,18 @@ def krawczyk(problem, at, rows=ROW, solved=ROW):
 # ---- exact points -----------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("solved", [[0, 1], [1, 0], []])
+def test_there_are_as_many_rows_as_variables_that_they_are_solved_for(solved):
+    """One equation and two variables leave one of them open."""
+    problem = sp.Problem(x, [x + y == 1])
+    assert exact(problem, [0.5, 0.5], ROW, ROW) is not None
+    assert exact(problem, [0.5, 0.5], ROW, np.array(solved, np.int64)) is None
+
+
+def test_points_beyond_all_doubles_are_none():
+    assert exact(sp.Problem(z, [1e-300 * z - 1e300 == 0]), [0.0], ROW, ROW) is None
+
+
 @pytest.mark.parametrize(
     "rows",
     [
