@@ -165,7 +165,12 @@ def test_words_of_no_rows_are_not_as_wide_as_a_file_says(tmp_path):
         part = {"steps": [], "argument": argument, "empty": False, "branch": None, "children": []}
         proof = {"fingerprint": problem.fingerprint, "bound": -1e6, "cutoff": None}
         proof |= {"correction": 0.0, "assumptions": [], "parts": [part]}
-        found = {"format": "sparsepop-py", "version": 6, "is": "certificate", "certificate": [proof]}
+        found = {
+            "format": "sparsepop-py",
+            "version": 6,
+            "is": "certificate",
+            "certificate": [proof],
+        }
         (tmp_path / "proof.json").write_text(json.dumps(found), encoding="utf-8")
         files = [str(tmp_path / "problem.json"), str(tmp_path / "proof.json")]
         assert (main(["verify", *files]), command.main(files)) == (0, 0)
