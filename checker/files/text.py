@@ -199,30 +199,41 @@ def of_gms(source: str) -> Problem:
     lines = [line for line in source.splitlines() if not line.startswith("*")]
     names: list[str] = []
     kinds: dict[str, str] = {}
-    rows: list[str] = []
+    rows: dict[str, str] = {}
+    models: list[set[str]] = []
     bounds: dict[tuple[str, str], Fraction] = {}
-    goal = ("mini", "objvar")
+    goal, solved = ("mini", "objvar"), False
     for statement in (s.strip() for s in "\n".join(lines).split(";")):
+        if re.match(r"(options?|display)\b", statement, re.I) or not statement:
+            continue
+        if solved:
+            raise Malformed(f"{statement!r:.60}: a statement after the problem is solved")
         if m := re.match(r"(?:(\w+)\s+)?variables?\b(.*)", statement, re.I | re.S):
             listed = re.findall(r"[A-Za-z]\w*", m[2])
             names += [name for name in listed if name not in names]
             kinds |= {name.lower(): (m[1] or "").lower() for name in listed if m[1]}
-        elif m := re.match(r"\w+\s*\.\.(.*)", statement, re.S):
-            rows.append(m[1])
+        elif m := re.match(r"(\w+)\s*\.\.(.*)", statement, re.S):
+            if m[1].lower() in rows:
+                raise Malformed(f"{statement!r:.60}: an equation that stands twice")
+            rows[m[1].lower()] = m[2]
         elif m := re.match(r"(\w+)\s*\.\s*(lo|up|fx)\s*=(.*)", statement, re.I | re.S):
             value = Expression(m[3], {}).polynomial().coefficient()
             for side in {"lo": ("lo",), "up": ("up",), "fx": ("lo", "up")}[m[2].lower()]:
                 bounds[m[1].lower(), side] = value
         elif m := re.match(r"solve\b.*?\b(mini|maxi)mi[sz]ing\s+(\w+)", statement, re.I | re.S):
-            goal = m[1].lower(), m[2]
-            break
+            goal, solved = (m[1].lower(), m[2]), True
+        elif re.match(r"model\b", statement, re.I):
+            chosen = re.search(r"/(.*)/", statement, re.S)
+            models.append(set(re.findall(r"\w+", chosen[1].lower())) if chosen else {"all"})
         elif m := re.match(r"binaries\b(.*)", statement, re.I | re.S):
             kinds |= {name.lower(): "binary" for name in re.findall(r"[A-Za-z]\w*", m[1])}
-        elif statement and not re.match(r"(equations?|model|options?|display)\b", statement, re.I):
+        elif not re.match(r"equations?\b", statement, re.I):
             raise Malformed(f"{statement!r:.60}: a statement that is not known")
+    if any(listed not in ({"all"}, set(rows)) for listed in models):
+        raise Malformed("a model of a part of the equations")
     others = [name for name in names if name.lower() != goal[1].lower()]
     letters = {name.lower(): k for k, name in enumerate([*others, goal[1]], 1)}
-    return _assembled(goal[0], others, letters, rows, (kinds, bounds))
+    return _assembled(goal[0], others, letters, list(rows.values()), (kinds, bounds))
 
 
 def _assembled(

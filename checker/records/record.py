@@ -205,9 +205,7 @@ class Identification:
                 if v + 1 in used:
                     raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
                 self.chosen.add(v)
-            self.whole &= v + 1 not in used or (
-                low >= self.given[0][v] and high <= self.given[1][v]
-            )
+            self.whole &= low >= self.given[0][v] and high <= self.given[1][v]
         points = self._ends(box) + self._linear(box)
         empty |= any(a > b for a, b in zip(*box, strict=True))
         lines = self._asked()

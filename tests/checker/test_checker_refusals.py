@@ -11,7 +11,7 @@ import pytest
 import sparsepop_py as sp
 from checker import command
 from checker.files.reading import Malformed
-from checker.files.text import of_text
+from checker.files.text import of_gms, of_text
 from sparsepop_py.cli import main
 
 ROOT = "certificate", -1, "parts", 0
@@ -244,6 +244,40 @@ def test_capitals_of_keywords_and_functions_change_nothing(tmp_path, text):
 def test_infinite_numbers_are_no_variables(bound):
     with pytest.raises(Malformed, match="an infinite number"):
         of_text(f"min x; s.t. x >= {bound}")
+
+
+GAMS = """Variables x1,x2,objvar;
+Equations e1,e2,e3;
+e1.. x1*x1 + x2 - objvar =E= 0;
+e2.. x2 =G= 1;
+e3.. x1 =G= 2;
+x1.lo = -5; x1.up = 5; x2.lo = -5; x2.up = 5;
+Model m / all /;
+Solve m using NLP minimizing objvar;
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "good"),
+    [
+        ("/ all /", "/ e3, e1, e2 /", True),
+        ("Model m / all /;", "", True),
+        ("/ all /", "/ e1, e2 /", False),  # the least value is 1, not 5
+        ("/ all /", "/ e1, e2 /, n / all /", False),
+        ("objvar;\n", "objvar;\nDisplay x1.l;\n", True),
+        ("objvar;\n", "objvar;\nx1.lo = 3;\n", False),
+        ("e3.. x1", "e2.. x1", False),
+    ],
+)
+def test_models_hold_all_equations(old, new, good):
+    assert len(of_gms(GAMS).constraints) == 2
+    text = new.join(GAMS.rsplit(old, 1))
+    assert text != GAMS
+    if good:
+        assert len(of_gms(text).constraints) == 2
+        return
+    with pytest.raises(Malformed):
+        of_gms(text)
 
 
 def test_names_that_stand_twice_are_malformed(good, tmp_path, capsys):
