@@ -65,7 +65,7 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
 
 
 def _misstated(claims: Evidence, again: Formulation) -> str:
-    """Say what intervals are not those of the parameters, or not empty; nothing if all are."""
+    """Say what is wrong with intervals as they are stated; nothing if they may hold."""
     names = [(name, item.name) for name, item in claims.intervals.items()]
     if names != [(name, name) for name in again.parameters]:
         return "the intervals are not those of the parameters, in their order"
@@ -73,6 +73,8 @@ def _misstated(claims: Evidence, again: Formulation) -> str:
     for item in claims.intervals.values():
         if claims.empty and (item.status, item.outer, item.inner) != nothing:
             return f"nothing is consistent, and {item.name} is not said to be empty"
+        if item.status is IntervalStatus.CERTIFIED and item.inner is None:
+            return f"{item.name} is said to be certified, and nothing is attained"
     return ""
 
 

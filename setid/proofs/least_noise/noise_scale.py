@@ -266,7 +266,8 @@ def _verify_linear(found: NoiseScale, bound: sp.LinearBound) -> Verification:
         return Verification(False, verdict.reason)
     if found.scale != (bound.lower, bound.upper):
         return Verification(False, "the ends are not those of the linear problem")
-    if bound.x is not None and not _attained_by(found, bound.x):
+    stated = found.theta is not None or bound.x is not None
+    if stated and (bound.x is None or not _attained_by(found, bound.x)):
         return Verification(False, "the parameters are not those of the linear problem")
     return Verification(True)
 

@@ -62,6 +62,10 @@ def test_exact_factors_are_those_of_the_noise_and_rows_as_given() -> None:
     assert found.theta is not None
     for theta in (None, found.theta + 1.0):
         assert not replace(found, theta=theta).verify().ok
+    assert found.bound is not None and found.bound.x is not None
+    for x in (None, found.bound.x + 1.0):  # parameters of a point that is not that of the proof
+        forged = replace(found, theta=found.theta + 1.0, bound=replace(found.bound, x=x))
+        assert not forged.verify().ok
     assert found.bound is not None and found.bound.value is not None
     forged = replace(found.bound, lower=2 * low, upper=2 * low, value=2 * found.bound.value)
     assert not replace(found, scale=(2 * low, 2 * low), bound=forged).verify().ok

@@ -400,3 +400,15 @@ def test_programs_that_are_infeasible_attain_nothing() -> None:
         open_: dict[str, Any] = {"outer": (-1.0, 1.0), "inner": (-0.5, 0.5)}
         claims = with_interval(claims, name, **open_, status=IntervalStatus.PARTIAL)
     assert not verify(claims).ok
+
+
+# ---- words ----------------------------------------------------------------------------------
+
+
+def test_intervals_without_attained_ends_are_not_certified(
+    linear: Evidence, bilinear: Evidence, reported: Evidence
+) -> None:
+    for claims in (linear, bilinear):
+        assert verify(with_interval(claims, "b0", inner=None, status=IntervalStatus.PARTIAL)).ok
+        assert not verify(with_interval(claims, "b0", inner=None)).ok
+    assert not verify(with_interval(reported, "b0", status=IntervalStatus.CERTIFIED)).ok
