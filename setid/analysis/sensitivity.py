@@ -9,7 +9,7 @@ holds, at the attained end it is lost.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
@@ -22,8 +22,9 @@ import sparsepop_py as sp
 from setid.consistency import READ_OFF, Consistency, consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
 from setid.data.frames import require_pandas
+from setid.data.noise import Noise
 from setid.errors import NoiseError, SetidError, warns_once
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, formulate
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
@@ -108,6 +109,8 @@ class Sensitivity:
 
     def verify(self) -> Verification:
         """Check every interval and every factor again, without any solver."""
+        if reason := self._misstated() or self._foreign():
+            return Verification(False, reason)
         levels = [("the least factor", self.least.verify())]
         levels += [(f"the sign of {name}", level.verify()) for name, level in self.levels.items()]
         results = list(zip(self.factors.tolist(), self.results, strict=True))
@@ -118,6 +121,35 @@ class Sensitivity:
             if not verdict:
                 return Verification(False, f"{what}: {verdict.reason}")
         return Verification(True)
+
+    def _misstated(self) -> str:
+        """Say what differs from the results; empty where nothing does."""
+        parameters = self.base.formulation.parameters
+        if self.names != parameters or self.factors.shape != (len(self.results),):
+            return "names or factors are not those of the results"
+        drawn = _drawn(self.base, self.factors.tolist(), self.results, self.levels)
+        same = np.array_equal(self.outer, drawn["outer"])
+        same &= np.array_equal(self.signs, drawn["signs"])
+        same &= dict(self.lost) == dict(drawn["lost"])
+        return "" if same else "ends or signs are not those of the results"
+
+    def _foreign(self) -> str:
+        """Name a result that is not about the record with this factor; empty where none is."""
+        known = self.base.formulation
+        for factor, result in zip(self.factors.tolist(), self.results, strict=True):
+            at_base = result is self.base and factor == 1.0
+            if not at_base and not _is_about(known, result.formulation, known.noise, factor, ()):
+                return f"factor {factor:g}: the result belongs to another problem"
+        pairs = zip(known.parameters, _signs(self.base), strict=True)
+        signs = {name: sign for name, sign in pairs if sign}
+        if set(self.levels) != set(signs) - _given(known):
+            return "levels are not those of the signs"
+        levels: list[tuple[Consistency, tuple[Any, ...]]] = [(self.least, ())]
+        levels += [(v, (_other(known, n, signs[n]),)) for n, v in self.levels.items()]
+        for level, more in levels:
+            if not _is_about(known, level.formulation, level.noise, level.limit, more):
+                return "a level belongs to another problem"
+        return ""
 
     def to_frame(self) -> Any:
         """Return the table as a pandas DataFrame.
@@ -252,19 +284,44 @@ def sensitivity(
     found = map_in_order(executor, _answer, tasks)
     results, least = tuple(found[: len(values)]), found[len(values)]
     levels = dict(zip([name for name, _ in signed], found[len(values) + 1 :], strict=True))
-    proved = _proved(((1.0, result), *zip(values, results, strict=True)))
-    lost = {n: (max(level.scale[0], proved[n]), level.scale[1]) for n, level in levels.items()}
     return Sensitivity(
         names=formulation.parameters,
         factors=frozen(np.array(values)),
-        outer=frozen(np.array([[i.outer for i in r.intervals.values()] for r in results])),
-        signs=frozen(np.array([_signs(r) for r in results])),
-        lost=FrozenMapping({name: lost.get(name, (inf, inf)) for name, _ in every}),
         least=least,
         results=results,
         levels=FrozenMapping(levels),
         base=result,
+        **_drawn(result, values, results, levels),
     )
+
+
+def _drawn(
+    base: Identification,
+    factors: Sequence[float],
+    results: Sequence[Identification],
+    levels: Mapping[str, Consistency],
+) -> dict[str, Any]:
+    """Ends, signs and where these are lost, from the results."""
+    proved = _proved(((1.0, base), *zip(factors, results, strict=True)))
+    lost = {n: (max(v.scale[0], proved.get(n, 0.0)), v.scale[1]) for n, v in levels.items()}
+    pairs = zip(base.formulation.parameters, _signs(base), strict=True)
+    return {
+        "outer": frozen(np.array([[i.outer for i in r.intervals.values()] for r in results])),
+        "signs": frozen(np.array([_signs(r) for r in results])),
+        "lost": FrozenMapping({name: lost.get(name, (inf, inf)) for name, sign in pairs if sign}),
+    }
+
+
+def _is_about(
+    known: Formulation, found: Formulation, noise: Noise, factor: float, more: Iterable[Any]
+) -> bool:
+    """Check that a problem is that of a record with its noise bounds times a factor."""
+    given, own = noise.bounds(known.data), known.noise.bounds(known.data)
+    if not all(map(np.array_equal, given, own)):
+        return False
+    priors = [*known.priors, *more]
+    again = formulate(known.data, without_delta(known.model), scaled_noise(own, factor), priors)
+    return again.problem.fingerprint == found.problem.fingerprint
 
 
 @dataclass(slots=True, eq=False)

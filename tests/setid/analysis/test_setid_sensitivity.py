@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,27 @@ def test_a_sign_is_lost_where_hand_computation_says() -> None:
     assert found.signs[:, 0].tolist() == [-1, -1, 0]
     assert found.verify()
     assert "sign of a1: proved up to factor 3.58" in found.summary()
+
+
+def test_what_is_said_is_that_of_the_results() -> None:
+    found = quadrangle().sensitivity(factors=[1.0, 2.0])
+    assert found.verify()
+    wide = setid.sensitivity(quadrangle(), [1.0, 3.0], QUIET)
+    forgeries = {
+        "outer": found.outer + 1.0,
+        "signs": -found.signs,
+        "lost": {name: (1e6, 1e6) for name in found.lost},
+        "factors": np.array([1.0, 50.0]),
+        "names": ("b0", "a1"),
+        "results": wide.results,
+        "base": wide.results[1],
+        "least": found.levels["b0"],
+        "levels": {"a1": found.levels["b0"], "b0": found.levels["b0"]},
+    }
+    for name, value in forgeries.items():
+        assert not replace(found, **{name: value}).verify(), name
+    never = {name: (np.inf, np.inf) for name in found.lost}
+    assert not replace(found, levels={}, lost=never).verify()  # as if priors gave the signs
 
 
 @pytest.mark.parametrize("factors", [[1.0, 3.0], [3.0], [0.5]])
