@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ..arithmetic.polynomial import INF, Polynomial
 from .reading import Constraint, Malformed, Problem
@@ -194,46 +194,80 @@ def of_text(source: str) -> Problem:
     return made(objective, constraints, [(-INF, INF)] * len(names), names, aims[0][:3].lower())
 
 
+class Gams:
+    """Statements of GAMS's scalar format: variables, equations, bounds, a solve statement."""
+
+    FORMS: ClassVar = {
+        "variables": re.compile(r"(?:(\w+)\s+)?variables?\b(.*)", re.I | re.S),
+        "row": re.compile(r"(\w+)\s*\.\.(.*)", re.S),
+        "bound": re.compile(r"(\w+)\s*\.\s*(lo|up|fx)\s*=(.*)", re.I | re.S),
+        "solve": re.compile(r"solve\b.*?\b(mini|maxi)mi[sz]ing\s+(\w+)", re.I | re.S),
+        "model": re.compile(r"model\b(?:[^/]*/(.*)/)?", re.I | re.S),
+        "binaries": re.compile(r"(binaries)\b(.*)", re.I | re.S),
+        "equations": re.compile(r"equations?\b", re.I),
+    }
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.kinds: dict[str, str] = {}
+        self.rows: dict[str, str] = {}
+        self.models: list[set[str]] = []
+        self.bounds: dict[tuple[str, str], Fraction] = {}
+        self.goal: tuple[str, str] | None = None
+
+    def read(self, statement: str) -> None:
+        """Take in one statement."""
+        if not statement or re.match(r"(options?|display)\b", statement, re.I):
+            return
+        if self.goal is not None:
+            raise Malformed(f"{statement!r:.60}: a statement after the problem is solved")
+        for kind, form in self.FORMS.items():
+            if found := form.match(statement):
+                getattr(self, f"_{kind}")(*found.groups())
+                return
+        raise Malformed(f"{statement!r:.60}: a statement that is not known")
+
+    def _variables(self, kind: str | None, listed: str) -> None:
+        names = re.findall(r"[A-Za-z]\w*", listed)
+        self.names += [name for name in names if name not in self.names]
+        self.kinds |= {name.lower(): kind.lower() for name in names if kind}
+
+    def _row(self, name: str, body: str) -> None:
+        if name.lower() in self.rows:
+            raise Malformed(f"{name}: an equation that stands twice")
+        self.rows[name.lower()] = body
+
+    def _bound(self, name: str, which: str, value: str) -> None:
+        number = Expression(value, {}).polynomial().coefficient()
+        for side in {"lo": ("lo",), "up": ("up",), "fx": ("lo", "up")}[which.lower()]:
+            self.bounds[name.lower(), side] = number
+
+    def _solve(self, direction: str, name: str) -> None:
+        self.goal = direction.lower(), name
+
+    def _model(self, chosen: str | None) -> None:
+        self.models.append({"all"} if chosen is None else set(re.findall(r"\w+", chosen.lower())))
+
+    def _binaries(self, kind: str, listed: str) -> None:
+        self.kinds |= {name.lower(): "binary" for name in re.findall(r"[A-Za-z]\w*", listed)}
+
+    def _equations(self) -> None:
+        """Names of equations, each of which is defined by a row."""
+
+
 def of_gms(source: str) -> Problem:
     """Read GAMS's scalar format: variables, equations, bounds, a solve statement."""
+    found = Gams()
     lines = [line for line in source.splitlines() if not line.startswith("*")]
-    names: list[str] = []
-    kinds: dict[str, str] = {}
-    rows: dict[str, str] = {}
-    models: list[set[str]] = []
-    bounds: dict[tuple[str, str], Fraction] = {}
-    goal, solved = ("mini", "objvar"), False
-    for statement in (s.strip() for s in "\n".join(lines).split(";")):
-        if re.match(r"(options?|display)\b", statement, re.I) or not statement:
-            continue
-        if solved:
-            raise Malformed(f"{statement!r:.60}: a statement after the problem is solved")
-        if m := re.match(r"(?:(\w+)\s+)?variables?\b(.*)", statement, re.I | re.S):
-            listed = re.findall(r"[A-Za-z]\w*", m[2])
-            names += [name for name in listed if name not in names]
-            kinds |= {name.lower(): (m[1] or "").lower() for name in listed if m[1]}
-        elif m := re.match(r"(\w+)\s*\.\.(.*)", statement, re.S):
-            if m[1].lower() in rows:
-                raise Malformed(f"{statement!r:.60}: an equation that stands twice")
-            rows[m[1].lower()] = m[2]
-        elif m := re.match(r"(\w+)\s*\.\s*(lo|up|fx)\s*=(.*)", statement, re.I | re.S):
-            value = Expression(m[3], {}).polynomial().coefficient()
-            for side in {"lo": ("lo",), "up": ("up",), "fx": ("lo", "up")}[m[2].lower()]:
-                bounds[m[1].lower(), side] = value
-        elif m := re.match(r"solve\b.*?\b(mini|maxi)mi[sz]ing\s+(\w+)", statement, re.I | re.S):
-            goal, solved = (m[1].lower(), m[2]), True
-        elif re.match(r"model\b", statement, re.I):
-            chosen = re.search(r"/(.*)/", statement, re.S)
-            models.append(set(re.findall(r"\w+", chosen[1].lower())) if chosen else {"all"})
-        elif m := re.match(r"binaries\b(.*)", statement, re.I | re.S):
-            kinds |= {name.lower(): "binary" for name in re.findall(r"[A-Za-z]\w*", m[1])}
-        elif not re.match(r"equations?\b", statement, re.I):
-            raise Malformed(f"{statement!r:.60}: a statement that is not known")
-    if any(listed not in ({"all"}, set(rows)) for listed in models):
+    for statement in "\n".join(lines).split(";"):
+        found.read(statement.strip())
+    if any(listed not in ({"all"}, set(found.rows)) for listed in found.models):
         raise Malformed("a model of a part of the equations")
-    others = [name for name in names if name.lower() != goal[1].lower()]
-    letters = {name.lower(): k for k, name in enumerate([*others, goal[1]], 1)}
-    return _assembled(goal[0], others, letters, list(rows.values()), (kinds, bounds))
+    direction, target = found.goal or ("mini", "objvar")
+    others = [name for name in found.names if name.lower() != target.lower()]
+    letters = {name.lower(): k for k, name in enumerate([*others, target], 1)}
+    rows = list(found.rows.values())
+    return _assembled(direction, others, letters, rows, (found.kinds, found.bounds))
 
 
 def _assembled(
@@ -246,6 +280,8 @@ def _assembled(
     free = not any(key[0] == target for key in given) and target not in kinds
     if len(holding) != 1 or abs(slope := holding[0].polynomial.coefficient((last,))) != 1:
         raise Malformed("the objective is not given by one equation with the slope 1 or -1")
+    if not holding[0].equality and (slope > 0) != (direction == "mini"):
+        raise Malformed("the objective variable may differ from its inequality at the optimum")
     if not free or any(last in w and len(w) > 1 for w in holding[0].polynomial.terms):
         raise Malformed("the objective variable has bounds of its own, or powers")
     if not set(kinds.values()) <= set(ENDS):
