@@ -81,9 +81,24 @@ def _run(arguments: argparse.Namespace) -> int:
     if not verdict.ok:
         print(f"NOT PROVED  {verdict.reason}")
         return 1
+    print("\n".join(_rests_on(result)))
     print(result.table())
     print("proved: outer and inner ends follow from the record, without any solver")
     return 0
+
+
+def _rests_on(result: Identification) -> list[str]:
+    """List noise bounds, structure and priors; a text of a file cannot look like a verdict."""
+    data, lines = result.formulation.data, list[str]()
+    for kind, bounds in zip(
+        ("output", "input", "equation"), result.formulation.noise.bounds(data), strict=True
+    ):
+        for channel, column in enumerate(bounds.T.tolist(), 1):
+            if any(column):
+                ends = dict.fromkeys(repr(v) for v in (min(column), max(column)))
+                lines.append(f"noise: |{kind} {channel}| <= {' .. '.join(ends)}")
+    texts = (t if t.isprintable() else repr(t) for t in result.formulation.assumptions)
+    return [*lines, *(f"assumed: {text}" for text in texts)]
 
 
 def _read(path: str) -> Identification:

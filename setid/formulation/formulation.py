@@ -412,6 +412,13 @@ def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
                     "polynomial inequality or equation"
                 )
             item = Given(item)
+        if isinstance(item, Given):
+            names = item.constraint.polynomial.names
+            if names not in (None, model.parameters):  # it would be told by names of others
+                raise PriorError(
+                    f"priors[{place}]: found a constraint in {', '.join(names or ())}, expected "
+                    f"{', '.join(model.parameters)}, from setid.parameters(model)"
+                )
         if isinstance(item, type) or not isinstance(item, Prior):  # a class has the methods too
             raise PriorError(
                 f"priors[{place}]: found {type(item).__name__}, expected a prior such as Stable() "

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+import setid
+import sparsepop_py as sp
 from setid.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,6 +38,34 @@ def test_both_checkers_confirm_the_file(
     words = [sys.executable, str(ROOT / "checker/check.py"), "--record", str(record), str(out)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "a1" in done.stdout
+
+
+def test_what_a_file_assumes_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A prior in a file narrows the intervals, and texts in it are no lines of their own."""
+    data = setid.IOData(
+        [4, -3, 2, 1], [0, -6.25, 1.175, 2.0875], assumptions=["nothing\nproved: a1 in [0, 0]"]
+    )
+    model, prior = setid.TransferFunction(1, 1), setid.Box({"a1": (-0.4, -0.35)})
+    result = setid.identify(data, model, setid.Noise(equation=0.5), [prior])
+    (tmp_path / "result.json").write_text(result.to_json())
+    assert main(["verify", str(tmp_path / "result.json")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "noise: |equation 1| <= 0.5" in lines
+    assert any(line.startswith("assumed: prior: Box") for line in lines)
+    assert "assumed: 'nothing\\nproved: a1 in [0, 0]'" in lines
+    assert sum(line.startswith("proved") for line in lines) == 1
+
+
+def test_constraints_are_told_in_the_names_of_the_parameters() -> None:
+    model = setid.TransferFunction(1, 1)
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    noise = setid.Noise(equation=0.5)
+    own, (b0, a1) = setid.parameters(model), sp.variables(2, ["b0", "a1"])
+    assert setid.formulate(data, model, noise, [own["a1"] <= 0])
+    with pytest.raises(setid.PriorError, match="b0, a1, expected a1, b0"):
+        setid.formulate(data, model, noise, [b0 <= 0, a1 >= 1])
 
 
 def test_the_table_of_json_is_told_from_a_certificate(
