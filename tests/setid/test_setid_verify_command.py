@@ -40,9 +40,7 @@ def test_both_checkers_confirm_the_file(
     assert done.returncode == 0 and "a1" in done.stdout
 
 
-def test_what_a_file_assumes_is_shown(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_file_assumes_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A prior in a file narrows the intervals, and texts in it are no lines of their own."""
     data = setid.IOData(
         [4, -3, 2, 1], [0, -6.25, 1.175, 2.0875], assumptions=["nothing\nproved: a1 in [0, 0]"]
