@@ -121,9 +121,12 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what linear programs prove on the parts that signs of parameters make."""
     nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
     hull: Ends = [[INF] * p, [-INF] * p]
-    stack, seen = [(0, ends)], {0}
+    stack, seen = [(0, ends)], set[int]()
     while stack:
         place, part = stack.pop()
+        if place in seen:
+            raise Malformed("box: a node that is a child twice")
+        seen.add(place)
         node = fields(nodes[place], "box", 0, split="i", children="l", rows="l", bounds="l")
         if node.split < 0:
             found = leaf(node, rows, part)
@@ -135,9 +138,6 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
             raise Malformed("box: a split of no parameter, or not in two")
         if any(not place < whole(child, "box") < len(nodes) for child in node.children):
             raise Malformed("box: children that do not come later")
-        if len(seen | set(node.children)) < len(seen) + 2:
-            raise Malformed("box: a node that is a child twice")
-        seen.update(node.children)
         left, right = ([list(side) for side in part] for _ in range(2))
         left[1][node.split] = min(left[1][node.split], ZERO)
         right[0][node.split] = max(right[0][node.split], ZERO)

@@ -280,9 +280,12 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         reach[0].append(sum(low for low, _ in pairs) >> _K)
         reach[1].append(up(sum(high for _, high in pairs)))
     hull: Ends = [[INF] * p, [-INF] * p]
-    stack, seen = [(0, Region(box, reach, *tables))], {0}
+    stack, seen = [(0, Region(box, reach, *tables))], set[int]()
     while stack:
         place, region = stack.pop()
+        if place in seen:
+            raise Malformed("box: a node that is a child twice")
+        seen.add(place)
         node = fields(got.nodes[place], "box", 0, steps="l", split="i", at="f", children="l")
         for inner in node.steps:
             region = region if region.empty else tightened(inner, about, region)
@@ -296,9 +299,6 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         if any(not place < whole(child, "box") < len(got.nodes) for child in node.children):
             raise Malformed("box: children that do not come later")
         alike("box: a node is parted in two", node.children, "ab")
-        if len(seen | set(node.children)) < len(seen) + 2:
-            raise Malformed("box: a node that is a child twice")
-        seen.update(node.children)
         below([node.split], len(region.low + region.least), "box.split")
         low, high, at = region.low + region.least, region.high + region.most, down(node.at)
         first, second = list(high), list(low)

@@ -414,7 +414,7 @@ def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
             item = Given(item)
         if isinstance(item, Given):
             names = item.constraint.polynomial.names
-            if names not in (None, model.parameters):  # it would be told by names of others
+            if names not in (None, model.parameters):  # its text would name other parameters
                 raise PriorError(
                     f"priors[{place}]: found a constraint in {', '.join(names or ())}, expected "
                     f"{', '.join(model.parameters)}, from setid.parameters(model)"

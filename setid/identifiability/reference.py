@@ -115,8 +115,9 @@ def reference_model(
     changed = affected if shift is None else affected | shift.changed
     if priors_speak_of(formulation, changed):
         raise ModelError(
-            f"priors: found some that speak of {', '.join(sorted(changed))}, which are not unique "
-            "without a normalisation; expected priors on the others alone"
+            f"priors: found {', '.join(prior.describe() for prior in priors)}, of which some speak "
+            f"of {', '.join(sorted(changed))}; these are not unique without a normalisation: "
+            "expected priors on the others alone"
         )
     if shift is not None:
         return Reference(shift.reference, None)

@@ -366,10 +366,10 @@ def loop_shift(model: BlockStructured) -> LoopShift | None:
     lags = range(transfer.delay, transfer.delay + len(transfer.numerator))
     if not (lags.start >= 1 and lags.stop - 1 <= len(transfer.denominator)):
         return None
-    if {name for name, _ in model.fixed} & {first, *transfer.numerator, *transfer.denominator}:
+    changed = {first, *(transfer.denominator[lag - 1] for lag in lags)}
+    if changed & {name for name, _ in model.fixed}:
         return None
-    changed = {transfer.denominator[lag - 1] for lag in lags}
-    return LoopShift(normalised_by(model, {first: 0.0}), frozenset({first, *changed}))
+    return LoopShift(normalised_by(model, {first: 0.0}), frozenset(changed))
 
 
 def priors_speak_of(formulation: Formulation, names: Collection[str]) -> bool:
