@@ -77,6 +77,15 @@ def test_a_tree_with_empty_parts_next_to_unbounded_ones():
     assert verdict(found) == "refused"  # these rows one by one leave it unbounded
 
 
+def test_trees_of_signs_whose_nodes_are_shared_take_no_time():
+    """Fifty nodes with both children alike would be 2^50 leaves."""
+    found = loaded("strong-oi")
+    tree = step_of(found, "SignTree")
+    leaf = {"split": -1, "children": [], "rows": [], "bounds": []}
+    tree["nodes"] = [leaf | {"split": 0, "children": [k + 1] * 2} for k in range(50)] + [leaf]
+    assert verdict(found) == "malformed"
+
+
 @pytest.mark.parametrize("change", [lambda v: v / 2, lambda v: -v, lambda v: 0.0])
 def test_left_inverses_of_a_record_are_not_believed(change):
     found = loaded("o-0")

@@ -156,6 +156,16 @@ def test_what_is_asked_is_shown():
     assert "b0" in shown[1] and "a1*eta1[1]" in shown[1] and shown[1].endswith("== 0")
 
 
+def test_ends_outside_what_is_given_are_not_attained():
+    """A file states a prior, and its problem does not ask for it."""
+    found = loaded("o-0")
+    assert any("attained from" in line for line in Identification(found).check())
+    found["given"][1][0] = found["intervals"][0]["inner"][0]
+    lines = Identification(found).check()
+    assert any(line.startswith("proved: a1") for line in lines)
+    assert not any("attained" in line for line in lines)
+
+
 def test_bounds_of_other_unknowns_are_shown():
     """Missing samples lie in a range, and reflection coefficients of a prior in [-1, 1]."""
     shown = Identification(loaded("gap-range")).check()

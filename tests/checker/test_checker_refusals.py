@@ -113,6 +113,14 @@ FORBIDDEN = {
             "coefficients": array("f8", [2], [0.5, 0.5]),
         },
     ),
+    "a variable outside 1..n": (
+        ("problem", "objective"),
+        {
+            "dimension": 2,
+            "words": array("i4", [1, 2], [1, 3]),
+            "coefficients": array("f8", [1], [1.0]),
+        },
+    ),
     "an infinite cutoff": (("certificate", -1, "cutoff"), "inf"),
     "a bound that is no number": (("certificate", -1, "bound"), "nan"),
     "a ray that is a number": (("ray",), 3.0),
@@ -267,6 +275,11 @@ Solve m using NLP minimizing objvar;
         ("objvar;\n", "objvar;\nDisplay x1.l;\n", True),
         ("objvar;\n", "objvar;\nx1.lo = 3;\n", False),
         ("e3.. x1", "e2.. x1", False),
+        ("objvar =E= 0", "objvar =L= 0", True),
+        ("objvar =E= 0", "objvar =G= 0", False),  # objvar would fall without end
+        ("x1.lo", "objvar.lo = -9; x1.lo", False),
+        ("Variables", "Positive variables objvar; Variables", False),
+        ("Equations", "Integer variables x1; Equations", False),
     ],
 )
 def test_models_hold_all_equations(old, new, good):
@@ -278,6 +291,22 @@ def test_models_hold_all_equations(old, new, good):
         return
     with pytest.raises(Malformed):
         of_gms(text)
+
+
+@pytest.mark.parametrize("row", ["x1 + 2*x2 - objvar =E= 3", "objvar - x1 - 2*x2 =E= -3"])
+@pytest.mark.parametrize(
+    ("kind", "word", "sign"),
+    [("Binary variables", "minimizing", 1), ("Binaries", "maximizing", -1)],
+)
+def test_the_objective_of_a_model_is_solved_for_its_variable(row, kind, word, sign):
+    """Objectives of maximisations are negated; binaries are 0 or 1."""
+    text = f"Variables x1,x2,objvar; {kind} x2;\nEquations e1;\ne1.. {row};\n"
+    found = of_gms(f"{text}Model m / all /;\nSolve m using NLP {word} objvar;\n")
+    values = {word: int(found.objective.coefficient(word)) for word in ((), (1,), (2,))}
+    assert values == {(): -3 * sign, (1,): sign, (2,): 2 * sign}
+    assert (found.lower[1], found.upper[1]) == (0, 1)
+    (binary,) = found.constraints
+    assert binary.equality and set(binary.polynomial.open()) == {(2,), (2, 2)}
 
 
 def test_names_that_stand_twice_are_malformed(good, tmp_path, capsys):

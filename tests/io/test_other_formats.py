@@ -314,6 +314,19 @@ def test_rows_without_terms_beside_cubic_ones_are_read(
     ]
 
 
+def test_ends_of_rows_that_scip_writes_keep_all_digits(
+    written: Callable[[Any], sp.Problem],
+) -> None:
+    """SCIP writes 15 digits; the end 1/3 has 16 and more."""
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(-1, 2)), pyo.Var(bounds=(0, 2))
+    model.cost = pyo.Objective(expr=model.x * model.y)
+    model.cubic = pyo.Constraint(expr=model.x**2 * model.y <= 1 / 3)
+    (row,) = written(model).constraints
+    assert row.polynomial([0.0, 0.0]) == 1 / 3
+
+
 def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:
     """3 - x y / 2 lies between -1 and 1, and is the objective."""
     pytest.importorskip("pyscipopt")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.priors.base import Plain
 from sparsepop_py.errors import SparsePOPError
 
 MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
@@ -248,3 +250,22 @@ def test_a_missing_reading_leaves_no_exact_set() -> None:
     online = setid.Recursive(setid.TransferFunction(1, 1), setid.Noise(equation=1.0))
     online.update([0.0, 0.0, 0.0], [1.0, np.nan, 0.5])
     assert not online.exact and "outer box" in online.summary()
+
+
+@dataclass(frozen=True)
+class Never(Plain):
+    """A prior whose rows say nothing, and which no parameters are proved to meet."""
+
+    def admits(self, model: object, box: object) -> bool:
+        return False
+
+
+def test_nothing_is_attained_where_priors_mean_more_than_rows() -> None:
+    noise = setid.Noise(equation=0.1)
+    data = record(noise, 12)
+    online = fed(setid.Recursive(MODEL, noise, [Never()]), data)
+    plain = fed(setid.Recursive(MODEL, noise), data)
+    assert online.verify() and not online.exact
+    for name, item in online.intervals.items():
+        low, high = plain.intervals[name].outer
+        assert item.inner is None and item.outer[0] <= low and high <= item.outer[1]

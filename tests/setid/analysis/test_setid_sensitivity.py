@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.analysis import sensitivity as sensitivity_module
+from setid.analysis.sensitivity import _drawn as read
 from setid.consistency import READ_OFF
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
@@ -55,6 +58,47 @@ def test_what_is_said_is_that_of_the_results() -> None:
         assert not replace(found, **{name: value}).verify(), name
     never = {name: (np.inf, np.inf) for name in found.lost}
     assert not replace(found, levels={}, lost=never).verify()  # as if priors gave the signs
+
+
+def forged(found: setid.Sensitivity, **changes: Any) -> setid.Sensitivity:
+    """Put other results into an answer, and say of them what follows."""
+    made = replace(found, **changes)
+    drawn = read(made.base, made.factors.tolist(), made.results, made.levels)
+    return replace(made, **drawn)
+
+
+def narrowed(result: setid.Identification) -> setid.Identification:
+    """Claim less of a parameter than is proved."""
+    item = replace(result.intervals["b0"], outer=result.intervals["b0"].inner)
+    outer = (item.outer[0], np.nextafter(item.outer[1], -np.inf))
+    return replace(result, intervals={**result.intervals, "b0": replace(item, outer=outer)})
+
+
+def test_every_result_behind_it_is_verified_and_belongs_to_its_factor() -> None:
+    found = quadrangle().sensitivity(factors=[2.0, 3.0])
+    assert forged(found).verify()
+    level = found.levels["a1"]
+    high = replace(level, scale=(level.scale[1] * 1.01, level.scale[1] * 1.02))
+    forgeries = {
+        "of other factors": {"results": found.results[::-1]},
+        "the base at another factor": {"results": (found.base, found.results[1])},
+        "a base that does not follow": {"base": narrowed(found.base)},
+        "a result that does not follow": {
+            "results": (narrowed(found.results[0]), found.results[1])
+        },
+        "a level that does not follow": {"levels": {**found.levels, "a1": high}},
+        "a least factor that does not follow": {"least": replace(found.least, scale=(2.0, 3.0))},
+        "a level of other noise": {"least": replace(found.least, noise=setid.Noise(equation=0.25))},
+    }
+    for what, changes in forgeries.items():
+        assert not forged(found, **changes).verify(), what
+
+
+def test_levels_are_about_the_noise_as_given() -> None:
+    """Factors on other bounds are other factors, whatever problem they lead to."""
+    known, about = quadrangle().formulation, sensitivity_module._is_about
+    assert about(known, known, known.noise, 1.0, ())
+    assert not about(known, known, setid.Noise(equation=0.25), 1.0, ())
 
 
 @pytest.mark.parametrize("factors", [[1.0, 3.0], [3.0], [0.5]])
