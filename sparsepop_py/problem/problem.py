@@ -27,6 +27,7 @@ from sparsepop_py.errors import ProblemError, doubles, entries_of
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
     Rounding,
+    rounded_bounds,
     rounded_constraints,
     rounding_of,
 )
@@ -68,8 +69,9 @@ class Problem:
 
     Notes
     -----
-    Coefficients that are no doubles as they were written, such as those of ``(x - 0.1)**2``,
-    are rounded here, once. ``rounding`` says which, and by how much.
+    Numbers that are no doubles as they were written, such as the coefficients of
+    ``(x - 0.1)**2`` and the bound ``Fraction(1, 3)``, are rounded here, once. ``rounding`` says
+    which, and by how much.
 
     Examples
     --------
@@ -120,6 +122,7 @@ class Problem:
             )
         stated, changed = _rounded(objective, low, high)
         stated_rows, more = rounded_constraints(rows, low, high)
+        more += rounded_bounds("lower", lower) + rounded_bounds("upper", upper)
         fields = {
             "objective": stated,
             "constraints": tuple(stated_rows),

@@ -161,7 +161,7 @@ class RationalProblem:
             "upper": base.upper,
             "names": base.names,
             "sense": sense,
-            "rounding": rounding,
+            "rounding": (*rounding, *base.rounding),
             "base": base,
         }
         for key, value in fields.items():

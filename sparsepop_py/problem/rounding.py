@@ -1,8 +1,8 @@
 """Records of what rounding changed where expressions became the doubles of a problem.
 
 Expressions are multiplied out exactly and each coefficient is rounded once, when a problem is
-made of them. What is proved is about the rounded coefficients; these records say how far they
-lie from what was written.
+made of them, and so is each bound of a variable. What is proved is about the rounded numbers;
+these records say how far they lie from what was written.
 """
 
 from __future__ import annotations
@@ -29,23 +29,26 @@ __all__ = [
     "Rounding",
     "note",
     "place_of",
+    "rounded_bounds",
     "rounded_constraint",
     "rounded_constraints",
     "rounding_of",
 ]
 
 OBJECTIVE = "objective"
+BOUNDS = ("lower", "upper")
 Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Rounding:
-    """Coefficients of one objective or constraint that are no doubles as they were written.
+    """Numbers of one objective or constraint, or bounds, that are no doubles as they were written.
 
     Parameters
     ----------
     place : str
-        ``"objective"``, or the constraint by its number and name.
+        ``"objective"``, or the constraint by its number and name; ``"lower"`` and ``"upper"`` for
+        the bounds of variables.
     coefficients : int
         How many were rounded.
     largest : float
@@ -53,7 +56,7 @@ class Rounding:
         too long to be kept.
     shift : float
         At least the change of the value at any point within the bounds of the variables; inf
-        where they are infinite.
+        where they are infinite. For bounds at least the change of each.
 
     Raises
     ------
@@ -87,7 +90,8 @@ class Rounding:
                 raise ProblemError(f"rounding: found the size {size!r}, expected a number >= 0")
 
     def __str__(self) -> str:
-        return f"{self.place}: {_counted(self.coefficients)} rounded{_by(self.largest)}"
+        word = "bound" if self.place in BOUNDS else "coefficient"
+        return f"{self.place}: {_counted(self.coefficients, word)} rounded{_by(self.largest)}"
 
 
 def rounding_of(
@@ -141,20 +145,39 @@ def rounded_constraints(
     return kept, found
 
 
+def rounded_bounds(place: str, given: Any) -> list[Rounding]:
+    """Record the bounds that are no doubles as they were given."""
+    if isinstance(given, float) or isinstance(given, np.ndarray) and given.dtype.kind == "f":
+        return []
+    exact = [
+        Fraction(int(value.numerator), int(value.denominator))
+        for value in np.asarray(given, object).ravel()  # beside floats numpy would round integers
+        if isinstance(value, numbers.Rational)
+    ]
+    changes = [(abs(Fraction(float(value)) - value), abs(value)) for value in exact]
+    changes = [(change, size) for change, size in changes if change]
+    if not changes:
+        return []
+    largest, shift = max(c / size for c, size in changes), max(c for c, _ in changes)
+    return [Rounding(place, len(changes), _above(largest), _above(shift))]
+
+
 def note(records: Sequence[Rounding]) -> list[str]:
     """Say in one sentence what was rounded, none where nothing was."""
     goal = [record for record in records if record.place == OBJECTIVE]
-    rows = [record for record in records if record.place != OBJECTIVE]
+    bounds = [record for record in records if record.place in BOUNDS]
+    rows = [record for record in records if record.place not in (OBJECTIVE, *BOUNDS)]
     parts = [f"objective: {_counts(goal)}"] if goal else []
     if len(rows) == 1:
         parts.append(f"{rows[0].place}: {_counts(rows)}")
     elif rows:
         parts.append(f"{len(rows)} constraints: {_counts(rows)}")
+    parts += map(str, bounds)
     if not parts:
         return []
-    return [
-        "; ".join(parts) + "; what is proved is about the rounded coefficients, see result.problem"
-    ]
+    words = ["coefficients"] * (len(bounds) < len(parts)) + ["bounds"] * bool(bounds)
+    about = f"what is proved is about the rounded {' and '.join(words)}, see result.problem"
+    return ["; ".join([*parts, about])]
 
 
 def _counts(records: Sequence[Rounding]) -> str:
@@ -162,15 +185,16 @@ def _counts(records: Sequence[Rounding]) -> str:
     shift = max(record.shift for record in records)
     moved = f", which moves it by at most {_short(shift)} within the bounds of the variables"
     return (
-        f"{_counted(count)} rounded when {'they were' if len(records) > 1 else 'it was'} "
+        f"{_counted(count, 'coefficient')} rounded when "
+        f"{'they were' if len(records) > 1 else 'it was'} "
         "multiplied out"
         + _by(max(record.largest for record in records))
         + (moved if len(records) == 1 and shift < math.inf else "")
     )
 
 
-def _counted(count: int) -> str:
-    return f"{count} coefficients were" if count > 1 else "1 coefficient was"
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}s were" if count > 1 else f"1 {word} was"
 
 
 def _by(largest: float) -> str:

@@ -191,6 +191,30 @@ def test_a_result_says_what_was_rounded():
     assert kept.notes == result.notes
 
 
+def test_bounds_that_are_no_doubles_have_a_record():
+    x, y = sp.variables(2)
+    big = 2**60 + 1
+    problem = sp.Problem(x * y, [], [Fraction(1, 3), 0.1], [big, np.inf])
+    lower, upper = problem.rounding
+    assert (lower.place, lower.coefficients, upper.place) == ("lower", 1, "upper")
+    error = abs(Fraction(1 / 3) - Fraction(1, 3))
+    assert error <= Fraction(lower.shift) < error * (1 + Fraction(2) ** -50)
+    assert 3 * error <= Fraction(lower.largest) < 3 * error * (1 + Fraction(2) ** -50)
+    assert upper.shift == 1 and Fraction(1, big) <= Fraction(upper.largest)
+    assert str(lower) == "lower: 1 bound was rounded, by at most 5.6e-17 of each"
+    assert problem.with_objective(x).rounding == problem.rounding
+    assert sp.from_json(sp.to_json(problem)).rounding == problem.rounding
+    ratio = sp.RationalProblem(sp.ratio(x, 1 + y), [], [Fraction(1, 3), 0], 2)
+    assert ratio.rounding == (lower,)
+    for plain in (None, 1, [0, 2**53], np.array([0.1, -np.inf]), [True, Fraction(1, 4)]):
+        assert sp.Problem(x + y, lower=plain, upper=np.inf).rounding == ()
+    result = sp.solve(sp.Problem(x**2, [], Fraction(1, 3), 2))
+    assert "lower: 1 bound was rounded, by at most 5.6e-17 of each; what is proved is about " in (
+        " ".join(result.notes)
+    )
+    assert "the rounded bounds, see" in " ".join(result.notes)
+
+
 def test_files_without_rounding_have_no_such_field():
     (x,) = sp.variables(1)
     assert '"rounding"' not in sp.to_json(sp.Problem(x, lower=0))
