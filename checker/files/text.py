@@ -205,6 +205,7 @@ class Gams:
         "model": re.compile(r"model\b(?:[^/]*/(.*)/)?", re.I | re.S),
         "binaries": re.compile(r"(binaries)\b(.*)", re.I | re.S),
         "equations": re.compile(r"equations?\b", re.I),
+        "hint": re.compile(r"\w+\s*\.\s*(?:l|m|scale|prior|stage|limrow|limcol|\w+lim)\s*=", re.I),
     }
 
     def __init__(self) -> None:
@@ -253,6 +254,9 @@ class Gams:
 
     def _equations(self) -> None:
         """Names of equations, each of which is defined by a row."""
+
+    def _hint(self) -> None:
+        """A start or a setting, which says nothing of the problem."""
 
 
 def of_gms(source: str) -> Problem:

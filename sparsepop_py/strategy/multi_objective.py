@@ -23,6 +23,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
+from sparsepop_py.errors import doubles
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.local_search.incumbents import adopt_points, random_starts
 from sparsepop_py.options import Options
@@ -342,7 +343,7 @@ class _RepairOnce:
         """Repair a vector."""
         key = np.asarray(x, float).tobytes()
         if key not in self._known:
-            self._known[key] = x if self._repair is None else self._repair(x)
+            self._known[key] = x if self._repair is None else doubles(self._repair(x), "repair")
         return self._known[key].copy()
 
     def __reduce__(self) -> tuple[Any, ...]:

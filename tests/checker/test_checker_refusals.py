@@ -275,6 +275,9 @@ Solve m using NLP minimizing objvar;
         ("objvar;\n", "objvar;\nDisplay x1.l;\n", True),
         ("objvar;\n", "objvar;\nx1.lo = 3;\n", False),
         ("e3.. x1", "e2.. x1", False),
+        ("Model m", "x1.l = 3; e1.m = 0; Model m", True),
+        ("Solve", "m.limrow = 0; m.reslim = 9; Solve", True),
+        ("Solve", "x1.l0 = 3; Solve", False),
         ("objvar =E= 0", "objvar =L= 0", True),
         ("objvar =E= 0", "objvar =G= 0", False),  # objvar would fall without end
         ("x1.lo", "objvar.lo = -9; x1.lo", False),

@@ -361,6 +361,17 @@ def test_repaired_vectors_are_only_starting_points(value):
     assert result.lower_bound <= least_of_star() + 1e-9
 
 
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [(None, r"shape \(\)"), ([1.0], r"shape \(1,\)"), (["a"] * 7, "expected numbers")],
+)
+def test_repaired_vectors_are_vectors(effort, value, found):
+    problem, options = star(), Options(effort=effort, skip=("linear",))
+    with pytest.raises(sp.ProblemError, match=rf"repair: found .*{found}|repair: found {found}"):
+        sp.solve_each(problem, [problem.objective], options, repair=lambda x: value)
+
+
 def test_branching_variables_of_several_objectives(monkeypatch):
     monkeypatch.setattr(
         "sparsepop_py.strategy.shared_state.relaxation_specs",
