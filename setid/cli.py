@@ -331,6 +331,8 @@ def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
 
 _DISCRETE = ("na", "nb", "nk")
 _CONTINUOUS = ("method", "delta", "tau", "hold")
+_NAMED = ("order", "degree")
+_SWITCHES = ("offset", "common_denominator", "from_rest")  # of structures that are not named
 
 
 def add_structure(command: argparse.ArgumentParser) -> None:
@@ -377,13 +379,11 @@ def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
     ModelError
         If options of discrete and continuous time are mixed, or orders are missing.
     """
+    _check_mixture(arguments)
+    if arguments.structure is not None:
+        return _registered(arguments, data)
     initial: Initial = "zero" if arguments.from_rest else "free"
-    continuous = arguments.continuous is not None
-    for name in _DISCRETE if continuous else _CONTINUOUS:
-        if getattr(arguments, name) is not None:
-            where = "without" if continuous else "with"
-            raise ModelError(f"--{name}: found a value, expected it {where} --continuous")
-    if continuous:
+    if arguments.continuous is not None:
         if arguments.common_denominator:
             raise ModelError("--common-denominator: found it, expected it without --continuous")
         n, m = arguments.continuous
@@ -397,8 +397,6 @@ def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
             initial=initial,
             offset=arguments.offset,
         )
-    if arguments.structure is not None:
-        return _registered(arguments, data)
     for name in ("na", "nb"):
         if getattr(arguments, name) is None:
             raise ModelError(f"--{name}: found none, expected orders, or --continuous N M")
@@ -414,11 +412,25 @@ def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
     )
 
 
+def _check_mixture(arguments: argparse.Namespace) -> None:
+    """Refuse options that another kind of structure would leave aside."""
+    continuous, named = arguments.continuous is not None, arguments.structure is not None
+    for name in _DISCRETE if continuous else _CONTINUOUS:
+        if getattr(arguments, name) is not None:
+            where = "without" if continuous else "with"
+            raise ModelError(f"--{name}: found a value, expected it {where} --continuous")
+    for name in (*_DISCRETE, "continuous") if named else _NAMED:
+        if getattr(arguments, name) is not None:
+            where = "without" if named else "with"
+            raise ModelError(f"--{name}: found a value, expected it {where} --structure")
+    for name in _SWITCHES if named else ():
+        if getattr(arguments, name):
+            option = name.replace("_", "-")
+            raise ModelError(f"--{option}: found it, expected it without --structure")
+
+
 def _registered(arguments: argparse.Namespace, data: IOData) -> Structure:
     """The structure of a name, an order and a degree."""
-    for name in _DISCRETE:
-        if getattr(arguments, name) is not None:
-            raise ModelError(f"--{name}: found a value, expected it without --structure")
     if arguments.order is None:
         raise ModelError("--order: found none, expected one with --structure")
     family = family_of(arguments.structure)

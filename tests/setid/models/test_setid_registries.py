@@ -106,3 +106,23 @@ def test_the_command_line_takes_names(tmp_path: Path, capsys: pytest.CaptureFixt
     assert cli.main(named) == 1  # four parameters, three rows
     model = setid.PolynomialNARX.full(1, 1, 1, 1, 1)
     assert json.loads(capsys.readouterr().out)["model"] == repr(model)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "--structure TransferFunction --order 1 --offset",
+        "--structure TransferFunction --order 1 --common-denominator",
+        "--structure TransferFunction --order 1 --from-rest",
+        "--structure TransferFunction --order 1 --continuous 1 0",
+        "--na 1 --nb 1 --order 2",
+        "--na 1 --nb 1 --degree 2",
+    ],
+)
+def test_the_command_line_ignores_no_part_of_a_structure(
+    given: str, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    record = tmp_path / "record.csv"
+    record.write_text("u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n")
+    assert cli.main(["identify", str(record), "--equation-noise", "0.5", *given.split()]) == 2
+    assert "--structure" in capsys.readouterr().err
