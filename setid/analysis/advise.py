@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, frozen, natural, number
 from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
@@ -109,11 +109,15 @@ class Advice:
         Raises
         ------
         SetidError
-            If no sampling time is known.
+            If no sampling time is known, or a setting is none.
         """
+        count = natural(samples, "samples", SetidError, 1)
+        levels = number(low, "low", SetidError), number(high, "high", SetidError)
+        if not np.all(np.isfinite(levels)):
+            raise SetidError(f"low, high: found {low!r}, {high!r}, expected finite numbers")
         if not np.isfinite(self.sampling_time):
             raise SetidError("sampling_time: found none, expected a step response that settles")
-        return frozen(_square(samples, low, high))
+        return frozen(_square(count, *levels))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the step response with its settling time; returns the axes.

@@ -103,6 +103,14 @@ def test_the_square_wave_has_both_half_periods() -> None:
     assert set(runs.tolist()) == {6, 30}
 
 
+@pytest.mark.parametrize(
+    "given", [(-1,), (0,), (9.5,), (9, "low"), (9, float("nan"), 1.0), (9, 0.0, float("inf"))]
+)
+def test_settings_of_a_square_wave_are_checked(given: tuple) -> None:
+    with pytest.raises(setid.SetidError, match="found"):
+        setid.advise(step()).square_wave(*given)
+
+
 def test_expected_widths_of_a_static_gain_by_hand() -> None:
     model = setid.TransferFunction(na=0, nb=1)
     found = setid.excitation(model, [2.0], [0.0, 1.0, -4.0, 2.0], setid.Noise(output=0.1))
