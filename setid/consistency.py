@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import number
+from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
@@ -154,7 +155,7 @@ class Consistency(NoiseScale):
             raise NoiseError(f"margin: found {margin!r}, expected a factor >= 1")
         if not self.scale[1] < inf:
             raise NoiseError("scale: found no attained factor, expected one to read a bound off")
-        text = f"{READ_OFF} ({factor:g} times the least bound that explains it)"
+        text = f"{READ_OFF} ({all_digits(factor)} times the least bound that explains it)"
         data = self.formulation.data
         kept: dict[str, Any] = {}
         bounds = scaled_noise(self.noise.bounds(data), factor * self.scale[1]).bounds(data)

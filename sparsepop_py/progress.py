@@ -185,7 +185,8 @@ class Stages:
             return
         self._known = lower, upper
         where = "" if self._number is None else f"objective {self._number}: "
-        _LOG.info("%sproved %.10g, attained %.10g", where, lower, upper)
+        low, high = rounded(lower, False, 10), rounded(upper, True, 10)
+        _LOG.info("%sproved %s, attained %s", where, low, high)
         self._draw()
         self._report()
 

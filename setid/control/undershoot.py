@@ -48,7 +48,7 @@ class Undershoot:
     depth : (float, float)
         Proved range of the largest distance on the wrong side, in units of y; (0, 0) where absent.
     sample : int or None
-        A sample, from 1, at which it is proved.
+        A sample at which it is proved, counted from 1 at the step.
     zeros : tuple of (low, high)
         Real numbers z > 1 between which a zero of the plant is proved to lie.
     free : tuple of (low, high)

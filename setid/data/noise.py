@@ -340,7 +340,7 @@ def estimate_noise_bound(
     return EstimatedBound(
         frozen(value),
         frozen(centre),
-        f"bound {text} estimated from {read} samples at rest (margin {factor:g})",
+        f"bound {text} estimated from {read} samples at rest (margin {all_digits(factor)})",
     )
 
 

@@ -102,9 +102,9 @@ def remark(formulation: Formulation, theta: NDArray[np.float64]) -> str:
     if not size > allowed * (1.0 + 1e-6) + 1e-9 * float(np.nanmax(np.abs(data.y))):
         return ""
     return (
-        f"at the middle of the intervals the recursion is off by {size:.3g} for this input, more "
-        f"than delta = {allowed:.3g}: give delta >= {size:.2g}, or sample faster, lest the true "
-        "coefficients be lost"
+        f"at the middle of the intervals the recursion is off by {rounded(size, True, 3)} for this "
+        f"input, more than delta = {all_digits(allowed)}: give delta >= {rounded(size, True, 2)}, "
+        "or sample faster, lest the true coefficients be lost"
     )
 
 
@@ -250,6 +250,6 @@ def _sentence(value: float, low: float, factor: float) -> str:
     return (
         f"discretisation error: at most delta = {all_digits(value)}, the least one that was found "
         f"consistent with the data (proved: none below {rounded(low, False, 6)} is)"
-        + (f", times {factor:g}" if factor > 1.0 else "")
+        + (f", times {all_digits(factor)}" if factor > 1.0 else "")
         + "; the true error may be larger"
     )

@@ -252,7 +252,9 @@ class ContinuousTransferFunction(InNotebook):
         held = "held constant" if self.hold == "constant" else "linear"
         if self.method == "indirect":
             return f"the sampled system is a {self.counterpart!r}"
-        how = "Tustin's rule" if self.method == "tustin" else f"lambda filters, tau = {self.tau:g}"
+        how = "Tustin's rule"
+        if self.method != "tustin":
+            how = f"lambda filters, tau = {all_digits(self.tau)}"
         return (
             f"between samples inputs are {held}; the recursion of {how} differs from the sampled "
             f"output by at most delta = {all_digits(delta)}"

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import MOST_TERMS, entries_of, natural, number, word
+from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Structure, Transfer, channel_of
 from setid.models.html import InNotebook
@@ -413,7 +414,7 @@ class BlockStructured(InNotebook):
         for name, item in self.maps:
             texts = ", ".join(item.text(m) for m in range(len(item.basis)))
             parts.append(f"{name} = N({texts})")
-        norms = [f"{name} = {value:g}" for name, value in self.fixed]
+        norms = [f"{name} = {all_digits(value)}" for name, value in self.fixed]
         norms += [f"static gain of {label} = 1" for label in self.unit_gain]
         orders = "; ".join(f"{b.na},{b.nb},{b.nk}" for b in self.blocks)
         norm = ", ".join(norms) or "none"

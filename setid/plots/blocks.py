@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.block import BlockStructured
 from setid.plots.axes import ink, new_axes, require_matplotlib
@@ -151,7 +152,7 @@ def _elements(model: BlockStructured, result: FeasibleSet | None) -> dict[str, E
 def _value(model: BlockStructured, result: FeasibleSet | None, name: str) -> str:
     fixed = dict(model.fixed)
     if name in fixed:
-        return f"{name} = {fixed[name]:g}"
+        return f"{name} = {all_digits(fixed[name])}"
     if result is None or name not in result.intervals:
         return name
     low, high = result.intervals[name].outer

@@ -53,7 +53,9 @@ class Progress:
         self._ends[index] = (lower_bound, upper_bound)
         self._shown.draw(self.line(index))
         name, (outer, inner) = self._names[index // 2], self._interval(index // 2)
-        _LOG.info("%s: proved [%.8g, %.8g], attained [%.8g, %.8g]", name, *outer, *inner)
+        sides = zip((*outer, *inner), (False, True, True, False), strict=True)
+        shown = [rounded(end, upwards, 8) for end, upwards in sides]
+        _LOG.info("%s: proved [%s, %s], attained [%s, %s]", name, *shown)
         if self._on_progress is not None:
             self._on_progress(name, outer, inner)
 

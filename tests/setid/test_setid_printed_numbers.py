@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable
 from fractions import Fraction
@@ -19,9 +20,12 @@ from setid.control.certificates.certificate import _largest
 from setid.control.report import margins_text
 from setid.data.digits import all_digits
 from setid.feasible_points.centre import Central
-from setid.minimum_noise.discretisation import _sentence
+from setid.minimum_noise.discretisation import _sentence, remark
+from setid.neural.contraction.stability import Condition
 from setid.plots.blocks import _value as block_value
 from setid.plots.intervals import plot_intervals
+from setid.result.progress import Progress
+from sparsepop_py.progress import Stages
 
 NUMBER = r"-?[0-9.]+(?:e[+-]?[0-9]+)?"
 
@@ -180,3 +184,55 @@ def test_ratios_and_denominators_are_shown_within_their_bounds() -> None:
     shown = re.findall(rf"only ({NUMBER}) <= q <= ({NUMBER})", str(caught.value))
     low, high = shown[0]
     assert Fraction(low) <= Fraction(-1 / 3) and Fraction(2 / 3) <= Fraction(high)
+
+
+LONG = 0.1234564321  # more digits than %g writes
+
+
+def test_assumptions_keep_all_digits_of_what_they_assume() -> None:
+    u = np.random.default_rng(0).uniform(-1, 1, 20)
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.5, 1.0], u).ravel()
+    data, bound = setid.IOData(u, y), setid.Noise(output=0.01)
+    gain = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise={"b0": LONG})
+    slow = setid.ContinuousTransferFunction(1, 0, method="lambda", tau=LONG)
+    plant, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    K, gate = control.ideal_controller(plant, M), ([[0.5]], [[0.1]], [0.0])
+    texts = [
+        setid.formulate(data, gain, bound).assumptions,
+        setid.formulate(data, slow, bound).assumptions[1:],
+        control.stability_certificate(data, K, M, 1, 0.01, margin=LONG, delay=1).assumptions,
+        (setid.estimate_noise_bound(y, margin=1 + LONG).assumption,),
+        neural.stability(neural.GRU(gate, gate, gate), [0, LONG]).assumptions,
+    ]
+    for found in texts:
+        assert re.search(f"[01]{str(LONG)[1:]}", " ".join(found)), found
+
+
+def test_rates_are_rounded_upwards() -> None:
+    rate = 0.1234561
+    text = repr_of(Condition)(SimpleNamespace(name="norm", holds=True, rate=rate))
+    assert float(text.split()[-1]) >= rate
+
+
+def test_what_the_log_calls_proved_is(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO):
+        progress = Progress(["a1"], 1e-3, False)
+        for k, (lower, upper) in enumerate([(-1 / 3, -2 / 9), (-1 / 3, -2 / 9)]):
+            progress.report(k, lower, upper)
+        Stages(show=False).bounds(-1 / 3, -2 / 9)
+    texts = [record.getMessage().split("proved")[1] for record in caplog.records[1:]]
+    ends, alone = (re.findall(NUMBER, text) for text in texts)
+    low, high, least, most = map(Fraction, ends)
+    assert low <= Fraction(-1 / 3) and Fraction(1 / 3) <= high
+    assert Fraction(-2 / 9) <= least and most <= Fraction(2 / 9)
+    assert Fraction(alone[0]) <= Fraction(-1 / 3) and Fraction(-2 / 9) <= Fraction(alone[1])
+
+
+def test_a_delta_that_is_advised_covers_the_error_found() -> None:
+    u = np.repeat([1.0, -1.0, 2.0, 0.0, 1.0], 3)
+    for a0 in np.linspace(0.6, 2.0, 8):
+        model, theta = setid.ContinuousTransferFunction(1, 0, Ts=0.5), np.array([a0, 1.0])
+        data = setid.IOData(u, np.zeros(u.size), Ts=0.5)
+        known = setid.formulate(data, model, setid.Noise(output=0.01))
+        advised = re.findall(rf"give delta >= ({NUMBER})", remark(known, theta))[0]
+        assert float(advised) >= np.abs(setid.discretisation_error(model, theta, u)).max()

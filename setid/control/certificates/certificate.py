@@ -38,6 +38,7 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
+from setid.data.digits import all_digits
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -505,7 +506,8 @@ class Question:
         if self.integrators:
             texts.append("the plant has one pole at exactly z = 1 (declared)")
         if self.margin is not None:
-            texts.append(f"the plant's other poles have abs(z) <= 1 - {self.margin:g} (margin)")
+            least = all_digits(self.margin)
+            texts.append(f"the plant's other poles have abs(z) <= 1 - {least} (margin)")
         return tuple(texts)
 
     # ---- verdict ------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, real_array, switch
+from setid.data.digits import all_digits
 from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
@@ -29,6 +30,7 @@ from setid.neural.contraction.lmi import (
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Condition", "Stability", "stability"]
 
@@ -71,7 +73,7 @@ class Condition:
 
     def __repr__(self) -> str:
         word = "holds" if self.holds else "open"
-        return f"{self.name}: {word}, rate {self.rate:.6g}"
+        return f"{self.name}: {word}, rate {rounded(self.rate, True, 6)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -292,7 +294,8 @@ def _assumptions(net: Model, box: Interval | None) -> tuple[str, ...]:
         "bound is given to distance()"
     ]
     if box is not None:
-        ends = ", ".join(f"[{a:g}, {b:g}]" for a, b in zip(box.lo, box.hi, strict=True))
+        pairs = zip(box.lo, box.hi, strict=True)
+        ends = ", ".join(f"[{all_digits(a)}, {all_digits(b)}]" for a, b in pairs)
         found.append(f"the inputs lie in {ends} at all times")
     # a step without errors stays in these ranges, errors may leave them, and gates with them
     times = "in both runs, at the beginning, and at all times where errors are added"

@@ -323,7 +323,8 @@ def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise
     parts = _rows(net, data, Noise(equation=1.0))
     least = np.array([max(least_factor(p)[0], 1e-12 * np.max(np.abs(p.target))) for p in parts])
     bound = least * factor
-    text = f"equation error: {factor:g} times the least that explains this record, " + ", ".join(
+    times = all_digits(factor)
+    text = f"equation error: {times} times the least that explains this record, " + ", ".join(
         all_digits(b) for b in bound
     )
     return Noise(equation=bound if bound.size > 1 else float(bound[0])), text
