@@ -13,6 +13,7 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.data.checks import number, word
+from setid.data.digits import all_digits
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure, Transfer
@@ -364,7 +365,8 @@ class _RootIn(Plain, ABC):
             raise PriorError(f"{type(self).__name__}: found an infinite end, expected numbers")
 
     def _label(self) -> str:
-        return f"{self._word}[{self.output},{self.input}]@{self.low:g}..{self.high:g}"
+        ends = f"{all_digits(self.low)}..{all_digits(self.high)}"
+        return f"{self._word}[{self.output},{self.input}]@{ends}"
 
     @abstractmethod
     def _names(self, model: Structure) -> tuple[str | None, ...]:

@@ -258,6 +258,8 @@ def test_several_poles_and_priors_given_twice() -> None:
     two, _ = prepared(3, 1, [setid.PoleIn(0.1, 0.3), setid.PoleIn(0.6, 0.9)])
     assert admits(two, [*np.poly([0.2, 0.7, -0.5])[1:], 1.0], 1e-8)
     assert not admits(two, [*np.poly([0.2, 0.4, -0.5])[1:], 1.0], 1e-8)
+    near, _ = prepared(2, 1, [setid.PoleIn(0.1, 0.3), setid.PoleIn(0.10000001, 0.3)])
+    assert admits(near, [*np.poly([0.2, 0.7])[1:], 1.0], 1e-8)
     with pytest.raises(setid.SetidError, match="is one given twice"):
         prepared(3, 1, [setid.PoleIn(0.1, 0.3)] * 2)
 
