@@ -24,6 +24,7 @@ PROGRAM = "linear program"  # names under which the cost model keeps their secon
 TIGHTENING = "tightening"
 _LINEAR = RelaxationSpec("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
+_SHORTEST = 1e-3  # seconds: less than that is not told apart
 
 
 @dataclass(eq=False)
@@ -73,7 +74,7 @@ class RelaxationQueue:
                 continue
             rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
             if spec.name in self.expected:
-                rate = min(rate, self.expected[spec.name] / max(1e-3, seconds))
+                rate = min(rate, self.expected[spec.name] / max(_SHORTEST, seconds))
             if rate > most:
                 best, most = spec, rate
         return best, most
@@ -234,13 +235,13 @@ def relaxation_for_nodes(
     -------
     RelaxationSpec or None
     """
-    best, most = None, STRATEGY.branching_gain / max(program, 1e-3)
+    best, most = None, STRATEGY.branching_gain / max(program, _SHORTEST)
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base
         closed = (bound - base) / whole if np.isfinite(whole) and whole > 0 else float(bound > base)
         # a share s saves about log(1 / (1 - s)) levels of the tree
-        worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
+        worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, _SHORTEST)
         if closed > 0.1 and worth > most:
             best, most = spec, worth
     return best
