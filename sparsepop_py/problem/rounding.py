@@ -42,7 +42,7 @@ Reals = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rounding:
-    """Numbers of one objective or constraint, or bounds, that are no doubles as they were written.
+    """Numbers of an objective, a constraint or bounds that were no doubles as written.
 
     Parameters
     ----------
