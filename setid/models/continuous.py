@@ -253,7 +253,7 @@ class ContinuousTransferFunction(InNotebook):
         if self.method == "indirect":
             return f"the sampled system is a {self.counterpart!r}"
         how = "Tustin's rule"
-        if self.method != "tustin":
+        if self.method != "tustin" and self.tau is not None:
             how = f"lambda filters, tau = {all_digits(self.tau)}"
         return (
             f"between samples inputs are {held}; the recursion of {how} differs from the sampled "
