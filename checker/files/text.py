@@ -203,7 +203,7 @@ class Gams:
         "bound": re.compile(r"(\w+)\s*\.\s*(lo|up|fx)\s*=(.*)", re.I | re.S),
         "solve": re.compile(r"solve\b.*?\b(mini|maxi)mi[sz]ing\s+(\w+)", re.I | re.S),
         "model": re.compile(r"model\b(?:[^/]*/(.*)/)?", re.I | re.S),
-        "binaries": re.compile(r"(binaries)\b(.*)", re.I | re.S),
+        "binaries": re.compile(r"binaries\b(.*)", re.I | re.S),
         "equations": re.compile(r"equations?\b", re.I),
         "hint": re.compile(r"\w+\s*\.\s*(?:l|m|scale|prior|stage|limrow|limcol|\w+lim)\s*=", re.I),
     }
@@ -249,7 +249,7 @@ class Gams:
     def _model(self, chosen: str | None) -> None:
         self.models.append({"all"} if chosen is None else set(re.findall(r"\w+", chosen.lower())))
 
-    def _binaries(self, kind: str, listed: str) -> None:
+    def _binaries(self, listed: str) -> None:
         self.kinds |= {name.lower(): "binary" for name in re.findall(r"[A-Za-z]\w*", listed)}
 
     def _equations(self) -> None:

@@ -9,6 +9,7 @@ as integers over one denominator, so that each coefficient is rounded once, at t
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,14 +20,42 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.errors import ProblemError
 
-__all__ = ["LARGEST_BITS", "ExactTerms", "Grid", "grid_of", "grid_of_number", "held"]
+__all__ = [
+    "LARGEST_BITS",
+    "ExactTerms",
+    "Grid",
+    "exact_fraction",
+    "grid_of",
+    "grid_of_number",
+    "held",
+]
 
 Grid = tuple[int, float]  # step, and at least the sum of |c|: each c is a multiple of 2^step
 
 LARGEST_BITS = 4096  # of an integer: beyond, coefficients are rounded on the way
 _NOTHING: Grid = (0, 0.0)
 _ANY_STEP = 1100  # of zeros and of whole numbers
+
+
+def exact_fraction(number: Any) -> Fraction | None:
+    """Return a rational number that is no double, None for every other number.
+
+    Raises
+    ------
+    ProblemError
+        If it is larger than all doubles.
+    """
+    if type(number) is float or (type(number) is int and abs(number) <= 2**53):
+        return None
+    if not isinstance(number, numbers.Rational):
+        return None
+    exact = Fraction(int(number.numerator), int(number.denominator))  # those of NumPy overflow
+    try:
+        return None if Fraction(float(exact)) == exact else exact
+    except OverflowError:
+        raise ProblemError("a number is too large for a double") from None
 
 
 def grid_of_number(value: float) -> Grid:

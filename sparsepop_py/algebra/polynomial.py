@@ -26,7 +26,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.algebra import exact_terms, monomials
-from sparsepop_py.algebra.exact_terms import ExactTerms, Grid
+from sparsepop_py.algebra.exact_terms import ExactTerms, Grid, exact_fraction
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError, doubles, entries_of, shown
 
@@ -534,7 +534,7 @@ class Polynomial:
                 )
             return other
         if isinstance(other, numbers.Real):
-            exact = _fraction(other)
+            exact = exact_fraction(other)
             return self._constant(float(other)) if exact is None else self._rational(exact)
         return None
 
@@ -628,7 +628,7 @@ class Polynomial:
 
     def __mul__(self, other: Any) -> Polynomial:
         if isinstance(other, numbers.Real):
-            exact = _fraction(other)
+            exact = exact_fraction(other)
             return self._scaled(float(other)) if exact is None else self._times_fraction(exact)
         right = self._operand(other)
         if right is None:
@@ -675,7 +675,7 @@ class Polynomial:
             return self._over(self, other) if isinstance(other, Polynomial) else NotImplemented
         if other == 0:
             raise ProblemError("division of a polynomial by zero")
-        exact, divisor = _fraction(other), float(other)
+        exact, divisor = exact_fraction(other), float(other)
         if not math.isfinite(divisor):
             raise ProblemError(f"division of a polynomial by {other}")
         if exact is None and abs(math.frexp(divisor)[0]) == 0.5 and abs(divisor) >= 1:
@@ -818,19 +818,6 @@ def _held_product(left: Grid, right: Grid) -> Grid | None:
     """Multiply grids; None where doubles may not hold sums of numbers on the product."""
     step, size = left[0] + right[0], left[1] * right[1]
     return (step, size) if exact_terms.held(step, size) else None
-
-
-def _fraction(number: Any) -> Fraction | None:
-    """A rational number that is no double, None for others."""
-    if type(number) is float or (type(number) is int and abs(number) <= 2**53):
-        return None
-    if not isinstance(number, numbers.Rational):
-        return None
-    exact = Fraction(int(number.numerator), int(number.denominator))  # those of NumPy overflow
-    try:
-        return None if Fraction(float(exact)) == exact else exact
-    except OverflowError:
-        raise ProblemError("a number is too large for a double") from None
 
 
 def _checked_terms(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
-from sparsepop_py.algebra.exact_terms import ExactTerms
+from sparsepop_py.algebra.exact_terms import ExactTerms, exact_fraction
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -147,19 +147,15 @@ def rounded_constraints(
 
 def rounded_bounds(place: str, given: Any) -> list[Rounding]:
     """Record the bounds that are no doubles as they were given."""
-    if isinstance(given, float) or isinstance(given, np.ndarray) and given.dtype.kind == "f":
+    if isinstance(given, np.ndarray) and given.dtype.kind == "f":
         return []
-    exact = [
-        Fraction(int(value.numerator), int(value.denominator))
-        for value in np.asarray(given, object).ravel()  # beside floats numpy would round integers
-        if isinstance(value, numbers.Rational)
-    ]
-    changes = [(abs(Fraction(float(value)) - value), abs(value)) for value in exact]
-    changes = [(change, size) for change, size in changes if change]
-    if not changes:
+    stated = np.asarray(given, object).ravel()  # beside floats numpy would round integers
+    exact = [value for value in map(exact_fraction, stated) if value is not None]
+    if not exact:
         return []
-    largest, shift = max(c / size for c, size in changes), max(c for c, _ in changes)
-    return [Rounding(place, len(changes), _above(largest), _above(shift))]
+    changes = [abs(Fraction(float(value)) - value) for value in exact]
+    largest = max(change / abs(value) for change, value in zip(changes, exact, strict=True))
+    return [Rounding(place, len(exact), _above(largest), _above(max(changes)))]
 
 
 def note(records: Sequence[Rounding]) -> list[str]:

@@ -24,7 +24,7 @@ PROGRAM = "linear program"  # names under which the cost model keeps their secon
 TIGHTENING = "tightening"
 _LINEAR = RelaxationSpec("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
-_SHORTEST = 1e-3  # seconds: less than that is not told apart
+_SHORTEST = 1e-3  # seconds; shorter times count as this
 
 
 @dataclass(eq=False)

@@ -204,6 +204,9 @@ def test_bounds_that_are_no_doubles_have_a_record():
     assert str(lower) == "lower: 1 bound was rounded, by at most 5.6e-17 of each"
     assert problem.with_objective(x).rounding == problem.rounding
     assert sp.from_json(sp.to_json(problem)).rounding == problem.rounding
+    (both,) = sp.Problem(x * y, [], [Fraction(1, 3), Fraction(64, 3)], 99).rounding
+    assert both.coefficients == 2 and both.largest == lower.largest
+    assert both.shift == 64 * lower.shift
     ratio = sp.RationalProblem(sp.ratio(x, 1 + y), [], [Fraction(1, 3), 0], 2)
     assert ratio.rounding == (lower,)
     for plain in (None, 1, [0, 2**53], np.array([0.1, -np.inf]), [True, Fraction(1, 4)]):

@@ -299,22 +299,7 @@ def test_constants_inside_products_of_files_of_ampl_are_kept(
     assert str(written(model).objective) == "-5.5 + 2*x - 4*y - x^2 - y^2"
 
 
-def test_rows_without_terms_beside_cubic_ones_are_read(
-    written: Callable[[Any], sp.Problem],
-) -> None:
-    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
-    model = pyo.ConcreteModel()
-    model.x, model.y = pyo.Var(bounds=(-1, 2)), pyo.Var(bounds=(0, 2))
-    model.cost = pyo.Objective(expr=model.x * model.y)
-    model.empty = pyo.Constraint(expr=model.y - model.y <= 4.5)
-    model.cubic = pyo.Constraint(expr=model.x**2 * model.y <= 2)
-    assert sorted(str(row.polynomial) for row in written(model).constraints) == [
-        "2 - x^2*y",
-        "4.5",
-    ]
-
-
-def test_ends_of_rows_that_scip_writes_keep_all_digits(
+def test_cubic_rows_keep_all_digits_and_rows_without_terms_stay(
     written: Callable[[Any], sp.Problem],
 ) -> None:
     """SCIP writes 15 digits; the end 1/3 has 16 and more."""
@@ -322,9 +307,11 @@ def test_ends_of_rows_that_scip_writes_keep_all_digits(
     model = pyo.ConcreteModel()
     model.x, model.y = pyo.Var(bounds=(-1, 2)), pyo.Var(bounds=(0, 2))
     model.cost = pyo.Objective(expr=model.x * model.y)
+    model.empty = pyo.Constraint(expr=model.y - model.y <= 4.5)
     model.cubic = pyo.Constraint(expr=model.x**2 * model.y <= 1 / 3)
-    (row,) = written(model).constraints
-    assert row.polynomial([0.0, 0.0]) == 1 / 3
+    cubic, empty = sorted((row.polynomial for row in written(model).constraints), key=str)
+    assert cubic([0.0, 0.0]) == 1 / 3 and cubic([1.0, 2.0]) == 1 / 3 - 2
+    assert str(empty) == "4.5"
 
 
 def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from prior_cases import Never
 
 import setid
 import sparsepop_py as sp
-from setid.priors.base import Plain
 from sparsepop_py.errors import SparsePOPError
 
 MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
@@ -250,14 +249,6 @@ def test_a_missing_reading_leaves_no_exact_set() -> None:
     online = setid.Recursive(setid.TransferFunction(1, 1), setid.Noise(equation=1.0))
     online.update([0.0, 0.0, 0.0], [1.0, np.nan, 0.5])
     assert not online.exact and "outer box" in online.summary()
-
-
-@dataclass(frozen=True)
-class Never(Plain):
-    """A prior whose rows say nothing, and which no parameters are proved to meet."""
-
-    def admits(self, model: object, box: object) -> bool:
-        return False
 
 
 def test_nothing_is_attained_where_priors_mean_more_than_rows() -> None:

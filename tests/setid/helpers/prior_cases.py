@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 import setid
 import sparsepop_py as sp
+from setid.priors.base import Plain
+
+
+@dataclass(frozen=True)
+class Never(Plain):
+    """A prior whose rows say nothing, and which no parameters are proved to meet."""
+
+    def admits(self, model: object, box: object) -> bool:
+        return False
 
 
 def reflections_to_coefficients(reflections: list[float] | np.ndarray) -> np.ndarray:

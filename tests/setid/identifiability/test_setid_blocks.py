@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from prior_cases import Never
 
 import setid
 import sparsepop_py as sp
 from setid.models.block import StaticMap
-from setid.priors.base import Plain
 
 G = setid.TransferFunction
 ONE, TWO = G(1, 1, 1), G(2, 2, 1)
@@ -220,14 +220,6 @@ def test_what_is_not_unique_is_found(
     model: setid.BlockStructured, affected: tuple[str, ...]
 ) -> None:
     assert setid.unidentifiable(model) == affected
-
-
-@dataclass(frozen=True)
-class Never(Plain):
-    """A prior whose rows say nothing, and which no parameters are proved to meet."""
-
-    def admits(self, model: object, box: object) -> bool:
-        return False
 
 
 def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:

@@ -237,10 +237,6 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: "stable", r"priors\[0\]: found str"),
         (lambda: sp.variables(7)[0] >= 0, "found a constraint in 7 variables, expected 2"),
         (lambda: sp.second_order(*sp.variables(2)), "found a SECOND_ORDER constraint"),
-        (
-            lambda: sp.variables(2, ["b0", "a1"])[1] >= 0,
-            r"priors\[0\]: found a constraint in b0, a1, expected a1, b0",
-        ),
     ],
 )
 def test_wrong_priors(make, message: str) -> None:

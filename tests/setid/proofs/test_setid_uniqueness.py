@@ -157,10 +157,18 @@ def test_a_fixed_numerator_leaves_a_loop_its_shift() -> None:
         (setid.Lure(setid.TransferFunction(1, 2, 1), 2), [-0.3, 0.5, 0.4, 0.8, 0.3]),
         (setid.Lure(ONE, 2, normalise="dcgain"), [-0.5, 0.5, 0.6, 0.3]),
         (setid.Lure(ONE, 2, normalise={"a1": -0.5}), [0.5, 0.6, 0.3]),
+        (setid.Lure(ONE, 2, normalise={"gamma1": 0.6}), [-0.5, 0.5, 0.3]),
         (setid.Lure(ONE, [2, 1]), [-0.5, 0.5, 0.6, 0.3]),
         (setid.Lure(ONE, [2, 3]), [-0.5, 0.5, 0.6, 0.3]),
     ],
-    ids=["a numerator that reaches further", "dcgain", "a1", "squares first", "no such term"],
+    ids=[
+        "a numerator that reaches further",
+        "dcgain",
+        "a1",
+        "gamma1",
+        "squares first",
+        "no such term",
+    ],
 )
 def test_loops_without_the_freedom_of_a_shift_have_no_reference(
     model: setid.Lure, theta: list[float]

@@ -7,17 +7,17 @@ is missing. The true intervals of the equation-error set are the closed form of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import Any
 
 import numpy as np
 import pytest
+from prior_cases import Never
 
 import setid
 import sparsepop_py as sp
 from setid.identify import identify
-from setid.priors.base import Plain
 from setid.proofs.evidence import EndProof, Evidence
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.verification import _reached, verify
@@ -233,14 +233,6 @@ def test_unbounded_parameters_need_a_proof(bilinear: Evidence) -> None:
     for status in (IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE):
         for base in (bilinear, forged):
             assert not verify(with_interval(base, "a1", status=status)).ok
-
-
-@dataclass(frozen=True)
-class Never(Plain):
-    """A prior whose rows say nothing, and which no parameters are proved to meet."""
-
-    def admits(self, model: object, box: object) -> bool:
-        return False
 
 
 def test_points_of_linear_problems_are_what_priors_mean(linear: Evidence) -> None:
