@@ -427,7 +427,7 @@ def _text(path: str, result: AnyResult) -> str:
         lines += [
             f"lower bound   {rounded(low, False, scientific=True)}  {_how(low, words[0])}",
             f"upper bound   {rounded(high, True, scientific=True)}  {_how(high, words[1])}",
-            f"gap           {result.gap:.3g}",
+            f"gap           {rounded(result.gap, True, 3)}",
         ]
     lines += _point(result)
     if result.relaxation is not None:

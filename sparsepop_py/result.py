@@ -239,9 +239,13 @@ class Result:
         """
         lines = claims_of(self, self.message)
         if self.x is not None and self.attained is None:
-            lines.append(f"              violates by {self.problem.violation(self.x):.2g}")
+            lines.append(
+                f"              violates by {rounded(self.problem.violation(self.x), True, 2)}"
+            )
         if self.certificate is not None:
-            lines.append(f"correction    {self.certificate.correction:.3g}  paid for the proof")
+            lines.append(
+                f"correction    {rounded(self.certificate.correction, True, 3)}  paid for the proof"
+            )
         if self.relaxation is not None:
             lines.append(str(self.relaxation))
         for entry in self.history if len(self.history) > 1 else ():
@@ -413,7 +417,7 @@ def claims_of(result: Any, message: str) -> list[str]:
         f"lower bound   {rounded(result.lower_bound, False, 11)}  proved",
         f"upper bound   {rounded(result.upper_bound, True, 11)}  "
         + ("attained" if result.attained else "no attained point"),
-        f"gap           {result.gap:.3g}",
+        f"gap           {rounded(result.gap, True, 3)}",
     ]
     if result.problem.sense == "max":
         lines.append("              (of the negative of the objective that is maximised)")

@@ -102,3 +102,14 @@ def test_an_interrupt_of_the_last_check_keeps_the_result(monkeypatch: pytest.Mon
     result = sp.solve(sp.Problem(x * y, [x**2 + y**2 <= 1]))
     assert -0.5 - 1e-6 <= result.lower_bound <= -0.5
     assert INTERRUPTED in result.notes
+
+
+def test_gaps_that_are_shown_are_no_less_than_those_proved() -> None:
+    x, y = sp.variables(2)
+    for side in (1.0, 1.7, 2.9, 3.3, 4.7, 5.1):
+        problem = sp.Problem(x * y - x**3, [x**2 + side * y**2 <= 3], -2, 2)
+        result = sp.solve(problem, sp.Options(order=2))
+        shown = dict(line.split()[:2] for line in result.summary().splitlines() if "  " in line)
+        assert Fraction(shown["gap"]) >= Fraction(result.gap) > 0
+        assert result.certificate is not None
+        assert Fraction(shown["correction"]) >= Fraction(result.certificate.correction)

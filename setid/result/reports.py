@@ -37,7 +37,7 @@ _WIDE = 0.3  # relative half width from which an interval is called wide
 
 
 def table(result: FeasibleSet) -> str:
-    """Print intervals as text, outer ends rounded outwards and inner ones inwards."""
+    """Print intervals as text: outer ends and widths rounded outwards, inner ends inwards."""
     line = "{:<10}{:>15}{:>15}{:>15}{:>15}{:>10}  {}"
     head = line.format("parameter", "outer", "", "inner", "", "width", "status")
     lines = [head, "-" * len(head)]
@@ -48,7 +48,9 @@ def table(result: FeasibleSet) -> str:
         outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
         if result.empty:
             outer = ("empty", "")
-        lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
+        lines.append(
+            line.format(item.name, *outer, *inner, rounded(item.width, True, 3), item.status)
+        )
     named = channels(result.formulation.data)
     return "\n".join(lines + ([named] if named else []))
 
@@ -68,7 +70,7 @@ def html(result: FeasibleSet, remarks: Remarks) -> str:
             inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
         outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
         ends = ("empty", "", "", "") if result.empty else (*outer, *inner)
-        rows.append((item.name, *ends, f"{item.width:.3g}", item.status))
+        rows.append((item.name, *ends, rounded(item.width, True, 3), item.status))
     head = ["parameter", "outer (proved)", "", "inner (attained)", "", "width", "status"]
     named = channels(result.formulation.data)
     return section(

@@ -236,3 +236,16 @@ def test_a_delta_that_is_advised_covers_the_error_found() -> None:
         known = setid.formulate(data, model, setid.Noise(output=0.01))
         advised = re.findall(rf"give delta >= ({NUMBER})", remark(known, theta))[0]
         assert float(advised) >= np.abs(setid.discretisation_error(model, theta, u)).max()
+
+
+def test_widths_of_tables_are_no_less_than_those_proved() -> None:
+    """By hand b0 lies in [23/12, 2.10930233], whose width is 0.19263566."""
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    for bound in (0.5, 0.51, 0.52, 0.53, 0.54):
+        result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=bound))
+        rows = re.findall(r"<tr>.*?</tr>", result._repr_html_(), re.DOTALL)
+        for name, item in result.intervals.items():
+            low, high = map(Fraction, item.outer)
+            (line,) = (row for row in result.table().splitlines() if row.startswith(name))
+            assert high - low <= Fraction(line.split()[5]) <= (high - low) * Fraction(101, 100)
+            assert any(name in row and f">{line.split()[5]}<" in row for row in rows)
