@@ -23,12 +23,14 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.algebra.monomials import Words
 
 __all__ = [
     "Interval",
+    "applied",
     "down",
     "exact_values",
     "gram",
@@ -284,6 +286,33 @@ def matmul(left: Interval, right: Interval) -> Interval:
         # every sum above is of c non-negative terms: gamma_c covers its own rounding too
         error = inner * (1.01 * _UNIT) * (size + reach) + inner * _TINY
         lo, hi = down(product - up(reach + 2.0 * error)), up(product + up(reach + 2.0 * error))
+    known = np.isfinite(lo) & np.isfinite(hi)
+    return Interval(np.where(known, lo, -np.inf), np.where(known, hi, np.inf))
+
+
+def applied(matrix: NDArray[np.float64] | sps.csr_array, vector: Interval) -> Interval:
+    """Enclose the product of a matrix of numbers with a vector of intervals.
+
+    Parameters
+    ----------
+    matrix : (m, n) float
+        Dense or sparse.
+    vector : Interval (n,)
+
+    Returns
+    -------
+    Interval (m,)
+    """
+    inner = matrix.shape[1] + 4.0
+    relative = inner * (1.01 * _UNIT)
+    with np.errstate(over="ignore", invalid="ignore"):
+        middle = vector.middle()
+        radius = up(np.maximum(up(vector.hi - middle), up(middle - vector.lo)))
+        product = matrix @ middle
+        reach = abs(matrix) @ (up(radius + up(relative * np.abs(middle))) + inner * _TINY)
+        # a sum of c non-negative terms: gamma_c covers its own rounding too
+        reach = up(up(reach + up(2.0 * relative * reach)) + inner * _TINY)
+        lo, hi = down(product - reach), up(product + reach)
     known = np.isfinite(lo) & np.isfinite(hi)
     return Interval(np.where(known, lo, -np.inf), np.where(known, hi, np.inf))
 

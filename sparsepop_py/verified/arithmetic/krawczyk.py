@@ -24,12 +24,14 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.verified.arithmetic.interval import Interval, matmul
+from sparsepop_py.verified.arithmetic.interval import Interval, applied, up
 from sparsepop_py.verified.arithmetic.polynomial_range import jacobian_range, range_over
 
 __all__ = ["polished", "zero_near"]
 
-_SPARSE = 40  # equations from which Newton steps use sparse elimination
+_SPARSE = 40  # equations from which matrices are sparse
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
+_TINY = 2.0**-1022  # least normal double
 
 
 def polished(
@@ -82,9 +84,8 @@ def zero_near(
         inverse = np.linalg.inv(system.dense_jacobian(x)[:, solved])
     except np.linalg.LinAlgError:
         return None
-    residual = range_over(system, Interval.point(x))
-    move = -matmul(Interval.point(inverse), residual[:, None])
-    least = 2.0 * float((move.magnitude()[:, 0] / (1.0 + np.abs(x[solved]))).max(initial=0.0))
+    move = -applied(inverse, range_over(system, Interval.point(x)))
+    least = 2.0 * float((move.magnitude() / (1.0 + np.abs(x[solved]))).max(initial=0.0))
     for radius in (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8):
         if radius < least and radius < 1e-8:
             continue  # the image of a smaller box lies outside it
@@ -106,15 +107,52 @@ def _image_inside(
     spread = np.zeros(x.size)
     spread[solved] = radius * (1.0 + np.abs(x[solved]))
     box = Interval(x - spread, x + spread)
-    slopes = jacobian_range(system, box)
-    slopes = Interval(slopes.lo[:, solved], slopes.hi[:, solved])
-    identity = Interval.point(np.eye(solved.size))
-    contraction = identity - matmul(Interval.point(inverse), slopes)
-    image = move + matmul(contraction, (box - Interval.point(x))[solved][:, None])
-    image = Interval(image.lo[:, 0], image.hi[:, 0]) + Interval.point(x[solved])
+    reach = (box - Interval.point(x))[solved].magnitude()
+    left = _left_over(system, box, solved, inverse, reach)
+    image = move + Interval(-left, left) + Interval.point(x[solved])
     inside = (image.lo > box.lo[solved]) & (image.hi < box.hi[solved])
     if not np.all(inside):
         return None
     lo, hi = x.copy(), x.copy()
     lo[solved], hi[solved] = image.lo, image.hi
     return Interval(lo, hi)
+
+
+def _left_over(
+    system: PolynomialSystem,
+    box: Interval,
+    solved: NDArray[Any],
+    inverse: NDArray[Any],
+    reach: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Bound |I - C F'(X)| d for the vector d = ``reach``.
+
+    With slopes in M +- R that is at most |I - C M| d + |C| R d. The computed product of C and M,
+    of r terms an entry, is off by at most gamma_r |C| |M|, which joins R.
+    """
+    size, inner = solved.size, solved.size + 4.0
+    rows, variables, slopes = jacobian_range(system, box)
+    place = np.full(system.dimension, -1)
+    place[solved] = np.arange(size)
+    kept = place[variables] >= 0
+    rows, columns, slopes = rows[kept], place[variables[kept]], slopes[kept]
+    middle = slopes.middle()
+    radius = up(np.maximum(up(slopes.hi - middle), up(middle - slopes.lo)))
+    radius = up(radius + up(inner * _UNIT * np.abs(middle)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        rest = np.abs(np.eye(size) - inverse @ _matrix(rows, columns, middle, size))
+        rest = up(rest + inner * _TINY)
+    aside = applied(_matrix(rows, columns, radius, size), Interval.point(reach)).hi
+    least = applied(rest, Interval.point(reach))
+    return (least + applied(np.abs(inverse), Interval.point(aside))).hi
+
+
+def _matrix(
+    rows: NDArray[Any], columns: NDArray[Any], entries: NDArray[np.float64], size: int
+) -> NDArray[np.float64] | sps.csc_array:
+    """Make a square matrix of its entries, sparse where it is large."""
+    if size > _SPARSE:
+        return sps.csc_array((entries, (rows, columns)), shape=(size, size))
+    matrix = np.zeros((size, size))
+    matrix[rows, columns] = entries
+    return matrix

@@ -94,18 +94,27 @@ def range_over(system: PolynomialSystem, box: Interval) -> Interval:
     return sum_by(system.row, terms, system.size)
 
 
-def jacobian_range(system: PolynomialSystem, box: Interval) -> Interval:
-    """Enclose the Jacobian over a box by dense intervals of shape (m, n)."""
+def jacobian_range(
+    system: PolynomialSystem, box: Interval
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Interval]:
+    """Enclose the entries of the Jacobian over a box.
+
+    Those that are left out are zero everywhere.
+
+    Returns
+    -------
+    rows, variables : (k,) int
+        Place of each entry, ascending, each once.
+    entries : Interval (k,)
+    """
     row, variable, power = monomials.runs(system.words)
     words = system.words[row].copy()
     words[np.arange(row.size), np.argmax(words == (variable + 1)[:, None], axis=1)] = 0
     words.sort(axis=1)
     scale = Interval.point(system.coefficients[row]) * Interval.point(power.astype(float))
     terms = scale * product(Factors.of(words, system.dimension).ranges(box))
-    index = system.row[row] * system.dimension + variable
-    entries = sum_by(index, terms, system.size * system.dimension)
-    shape = (system.size, system.dimension)
-    return Interval(entries.lo.reshape(shape), entries.hi.reshape(shape))
+    places, entry = np.unique(system.row[row] * system.dimension + variable, return_inverse=True)
+    return *np.divmod(places, system.dimension), sum_by(entry, terms, places.size)
 
 
 def expand_affine(

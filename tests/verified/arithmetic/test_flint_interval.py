@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+import scipy.sparse as sps
 from flint import fmpq
 from flint_oracle import (
     LARGEST,
@@ -29,7 +30,13 @@ from flint_oracle import (
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sparsepop_py.verified.arithmetic.interval import Interval, gram, matmul, sum_by
+from sparsepop_py.verified.arithmetic.interval import (
+    Interval,
+    applied,
+    gram,
+    matmul,
+    sum_by,
+)
 
 quick = settings(max_examples=80, deadline=None)
 
@@ -241,3 +248,56 @@ def test_products_that_overflow_are_not_known():
         wide = matmul(Interval(np.array([[-np.inf]]), np.array([[1.0]])), Interval.point([[1.0]]))
     for each in (found, wide):
         assert each.lo[0, 0] == -np.inf and each.hi[0, 0] == np.inf
+
+
+# ---- matrices of numbers and vectors -----------------------------------------------------------
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.sampled_from([0, 6, 300, 500]))
+@quick
+def test_applied_matrices_hold_the_products_of_points_in_between(seed, size, spread):
+    """Ends of all signs and sizes; sparse matrices give the same as dense ones."""
+    rng = np.random.default_rng(seed)
+    matrix = np.ldexp(rng.normal(size=(3, size)), rng.integers(-spread, spread + 1, (3, size)))
+    matrix[rng.random((3, size)) < 0.3] = 0.0
+    low = np.ldexp(rng.normal(size=size), rng.integers(-spread, spread + 1, size))
+    high = low + rng.choice([0.0, 1.0, 1e-9], size) * np.abs(low)
+    share = [fmpq(int(rng.integers(0, 9)), 8) for _ in range(size)]
+    x = [between(*ends, t) for *ends, t in zip(low, high, share, strict=True)]
+    vector = Interval(low, high)
+    sparse = applied(sps.csr_array(matrix), vector)
+    for found in (applied(matrix, vector), sparse):
+        for k in range(3):
+            exact = sum((rational(a) * v for a, v in zip(matrix[k], x, strict=True)), fmpq(0))
+            assert holds(found, exact, k)
+
+
+@pytest.mark.parametrize("kind", [np.array, sps.csr_array])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_applied_matrices_keep_what_doubles_lose(kind, sign):
+    """Errors that add up, terms that cancel, and products that underflow."""
+    long = applied(
+        kind(np.append(1.0, np.full(4000, 2.0**-26))[None]),
+        Interval.point(sign * np.append(1.0, np.full(4000, 2.0**-27))),
+    )
+    assert holds(long, rational(sign) * (1 + fmpq(4000, 2**53)))
+    e = 2.0**-27
+    lost = applied(kind(np.array([[1 + e, -1.0]])), Interval.point(sign * np.array([1 - e, 1.0])))
+    assert holds(lost, -rational(sign) * fmpq(2) ** -54)
+    tiny = np.full(64, 2.0**-538)
+    assert holds(
+        applied(kind(tiny[None]), Interval.point(sign * tiny)), rational(sign) * fmpq(2) ** -1070
+    )
+    wide = applied(kind(np.array([[sign, 2.0]])), Interval(np.array([-1.0, 0.0]), np.ones(2)))
+    assert wide.lo[0] <= -1.0 and wide.hi[0] >= 3.0
+    assert max(-wide.lo[0] - 1.0, wide.hi[0] - 3.0) <= 1e-14
+
+
+def test_applied_matrices_that_overflow_are_not_known():
+    cases = [
+        applied(np.array([[LARGEST, 1.0]]), Interval.point([2.0, 1.0])),
+        applied(np.array([[1.0]]), Interval(np.array([-np.inf]), np.array([1.0]))),
+        applied(np.array([[np.inf, 1.0]]), Interval.point([0.0, 1.0])),
+    ]
+    for each in cases:
+        assert each.lo[0] == -np.inf and each.hi[0] == np.inf

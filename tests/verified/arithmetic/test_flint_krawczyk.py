@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from flint import arb, fmpq, fmpq_mat
-from flint_oracle import inside, rational, real
+from flint_oracle import at_most, inside, rational, real
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.verified.arithmetic.krawczyk import zero_near
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.krawczyk import _left_over, zero_near
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -122,3 +123,94 @@ def test_a_zero_between_two_doubles():
         box = zero_near(system_of([v**2 - 2.0]), np.array([start]), np.array([0]))
         assert inside(root, box.lo[0], box.hi[0])
         assert fmpq(2) <= rational(box.hi[0]) ** 2 and rational(box.lo[0]) ** 2 <= fmpq(2)
+
+
+# ---- what a matrix leaves over -----------------------------------------------------------------
+
+
+def left_over(matrix, inverse, reach):
+    """The bound of |I - C M| d for linear rows, whose slopes are numbers."""
+    v = sp.variables(len(matrix))
+    rows = [
+        sp.total([float(a) * x for a, x in zip(line, v, strict=True) if a] or [0.0 * v[0]])
+        for line in matrix
+    ]
+    box = Interval.point(np.ones(len(matrix)))
+    places = np.arange(len(matrix))
+    with np.errstate(all="ignore"):
+        return _left_over(
+            system_of(rows), box, places, np.array(inverse, float), np.array(reach, float)
+        )
+
+
+def exact_rest(matrix, inverse, reach):
+    """|I - C M| d in rationals."""
+    n, c = len(matrix), [[rational(v) for v in line] for line in inverse]
+    m = [[rational(v) for v in line] for line in matrix]
+    entries = [
+        [fmpq(i == j) - sum((c[i][k] * m[k][j] for k in range(n)), fmpq(0)) for j in range(n)]
+        for i in range(n)
+    ]
+    return [
+        sum((abs(e) * rational(d) for e, d in zip(line, reach, strict=True)), fmpq(0))
+        for line in entries
+    ]
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from([1, 2, 5, 45]), st.sampled_from([0, 3, 30]))
+def test_what_is_left_over_holds_the_exact_value(seed, n, spread):
+    """Banded matrices with an approximate inverse, dense ones and those that are kept sparse."""
+    rng = np.random.default_rng(seed)
+    matrix = np.eye(n) + np.diag(rng.normal(size=n - 1), -1) * 0.7
+    matrix = np.ldexp(matrix, rng.integers(-spread, spread + 1, n))
+    inverse = np.linalg.inv(matrix)
+    inverse += rng.choice([0.0, 1e-15, 1e-9]) * rng.normal(size=(n, n)) * np.abs(inverse)
+    reach = rng.uniform(0.0, 1e-8, n)
+    bound = left_over(matrix, inverse, reach)
+    for found, exact in zip(bound, exact_rest(matrix, inverse, reach), strict=True):
+        assert at_most(real(exact), float(found))
+
+
+def test_products_of_inverses_keep_their_rounding():
+    """3 * (1 / 3) is 1 in doubles and 1 - 2^-54 in truth."""
+    (bound,) = left_over([[3.0]], [[1.0 / 3.0]], [1.0])
+    assert 2.0**-54 <= bound <= 1e-14
+
+
+def test_long_products_of_inverses_keep_their_rounding():
+    """Sixty terms of 2^-53 beside 1 are lost, and sixty of 2^-1075 are zero in doubles."""
+    n = 61
+    matrix, inverse, reach = np.eye(n), np.eye(n), np.zeros(n)
+    matrix[1:, 0], inverse[0, 1:], reach[0] = 2.0**-27, 2.0**-26, 1.0
+    assert 60 * 2.0**-53 <= left_over(matrix, inverse, reach)[0] <= 1e-13
+    matrix, inverse, reach = np.eye(n), np.eye(n), np.zeros(n)
+    matrix[2:, 1], inverse[0, 2:], reach[1] = 2.0**-475, 2.0**-600, 2.0**250
+    assert 59 * 2.0**-825 <= left_over(matrix, inverse, reach)[0] <= 2.0**-700
+
+
+@pytest.mark.parametrize("n", [1, 50])
+def test_slopes_count_over_the_whole_box(n):
+    """v^2 over [0, 2] has slopes in [0, 4]: with C = -1/2 they leave 3 d at the most, and 1 d."""
+    v = sp.variables(n)
+    box = Interval(np.zeros(n), np.full(n, 2.0))
+    bound = _left_over(
+        system_of([x**2 for x in v]), box, np.arange(n), -0.5 * np.eye(n), np.ones(n)
+    )
+    assert np.all((bound >= 3.0) & (bound <= 3.0 + 1e-12))
+
+
+def test_long_chains_of_equations_have_a_zero():
+    """v_k^2 = v_(k-1) from 2 on: v_k = 2^(1 / 2^k), enclosed in any precision by arb."""
+    n = 60
+    v = sp.variables(n)
+    rows = [v[0] ** 2 - 2.0, *(v[k] ** 2 - v[k - 1] for k in range(1, n))]
+    near = 2.0 ** (0.5 ** np.arange(1.0, n + 1))
+    box = zero_near(system_of(rows), near, np.arange(n))
+    root = arb(2)
+    for low, high in zip(box.lo, box.hi, strict=True):
+        root = root.sqrt()
+        assert inside(root, low, high)
+    wrong = near.copy()
+    wrong[30] += 1e-6
+    assert zero_near(system_of(rows), wrong, np.arange(n)) is None
