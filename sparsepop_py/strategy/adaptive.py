@@ -120,6 +120,7 @@ class AdaptiveSearch:
         self.first_bound = self.best.proved.bound
         self.shared_model, self.first_box = self.model, self.model.box
         self._put_off = False
+        self._branched = 0.0  # seconds of trees
         self._gained = -np.inf, 0  # the bound when it last gained, and the nodes of the tree then
         self.tried: list[tuple[RelaxationSpec, float, float]] = []  # relaxation, bound, seconds
 
@@ -258,9 +259,18 @@ class AdaptiveSearch:
         if order is not None:
             return order
         branch = self._branch_rate()
-        if branch is not None and (best is None or branch > most):
+        if branch is not None and (best is None or branch > most or self._is_early(best)):
             return _BRANCH
         return best
+
+    def _is_early(self, spec: RelaxationSpec) -> bool:
+        """Check that a relaxation takes long, and the tree has had little of its seconds.
+
+        One slice without gain tells little of a tree, and what a long relaxation costs is not well
+        known before.
+        """
+        share = STRATEGY.tree_before * self.queue.seconds(spec)
+        return share > max(self._branched, STRATEGY.slice_seconds)
 
     def _scaled(self) -> Scaled:
         """Scale the problem to the current box; remembered until the box changes."""
@@ -280,11 +290,11 @@ class AdaptiveSearch:
             return None if over or self.search.done or self._idle(self.search) else self.rate
         if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
-        seen = self.shared_state.cost_model
-        if _BRANCH in seen.progress:
-            return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
-        node = max(1e-2, min(self.costs))
-        return 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+        seen, node = self.shared_state.cost_model, max(1e-2, min(self.costs))
+        rate = 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+        if _BRANCH in seen.progress:  # a slice without gain does not speak for all trees
+            return max(0.3 * rate, seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH]))
+        return rate
 
     def _idle(self, search: Search) -> bool:
         """Check that a tree which nothing else ends has doubled in vain.
@@ -330,6 +340,7 @@ class AdaptiveSearch:
         self.shared_state.cost_model.learn(name, share, cost, goes_on=name == _BRANCH)
         if name == _BRANCH:
             self.rate = max(share, 1e-3) / max(cost, 1e-3)
+            self._branched += cost
         self.costs.append(cost)
         self.history.append(self._record(name, relaxation, time.process_time() - seconds))
 

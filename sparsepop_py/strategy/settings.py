@@ -21,6 +21,8 @@ class StrategySettings:
         Nodes that branch and bound is expected to need, over ``SharedState.effort``.
     least_slice, slice_seconds : float
         Least and most seconds that a tree grows before relaxations are considered again.
+    tree_before : float
+        Share of a long relaxation's expected seconds that a tree has before it.
     over_time : float
         Times the time left: relaxations expected to take longer are left out.
     stopped_program : float
@@ -112,6 +114,7 @@ class StrategySettings:
     nodes_per_effort: float = 4.0
     least_slice: float = 0.1
     slice_seconds: float = 3.0
+    tree_before: float = 0.1
     over_time: float = 2.0
     stopped_program: float = 20.0
     patience_nodes: int = 300

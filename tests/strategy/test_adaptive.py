@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.strategy import adaptive
+from sparsepop_py.relaxation import hierarchy
+from sparsepop_py.strategy import adaptive, relaxation_queue
 
 FEW = 20  # nodes
 LINEAR = ("star", "split", "mixed", "full", "monomials", "cutoff", "linear_tree")
@@ -43,3 +44,33 @@ def test_a_limit_is_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     result = sp.solve(line, options)
     assert result.history[-1].nodes == 300
     assert "a larger node_limit" in result.message
+
+
+def test_a_long_relaxation_comes_after_a_tree_that_has_gained_nothing_yet(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A slice without gain, of one objective, does not leave the others to long relaxations."""
+    model, queue = hierarchy.CostModel, relaxation_queue.RelaxationQueue
+    before, seconds = model.learn, queue.seconds
+
+    def learn(self: Any, name: str, progress: float, *rest: Any, **more: Any) -> None:
+        before(self, name, 0.0 if name == "branch" else progress, *rest, **more)
+
+    def long(self: Any, spec: Any) -> float:
+        return seconds(self, spec) if spec.name == "linear" else 500.0
+
+    monkeypatch.setattr(model, "learn", learn)
+    monkeypatch.setattr(queue, "seconds", long)
+    x = sp.variables(6)
+    pairs = [(i, j) for i in range(6) for j in range(i)]
+    sums = [
+        sp.total((7 * i * j + 5 * k * i + j) % 11 * x[i] * x[j] - 5 * x[i] * x[j] for i, j in pairs)
+        for k in (1, 2)
+    ]
+    problem = sp.Problem(sums[0], [sp.total(x) <= 3.5], lower=0, upper=1)
+    options = sp.Options(effort="auto", skip=("linear_tree", "star", "split", "mixed"), gap=1e-4)
+    results = sp.solve_each(problem, sums, options)
+    for result in results:
+        assert result.status is sp.Status.OPTIMAL
+        assert {entry.name for entry in result.history} <= {"linear", "branch"}
+    assert any(entry.name == "branch" for result in results for entry in result.history)
