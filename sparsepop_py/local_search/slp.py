@@ -8,9 +8,9 @@ within a trust region. Where the rows are so curved that little of the predicted
 gained, a second step within the same region is linearised at its end; without it searches creep
 along curved rows. In problems whose products are covered by few complicating variables only
 these are held in the trust region: with them fixed everything is linear, so a second program
-with these fixed restores the rows after each step. Minima of such problems are mostly vertices,
-where the method converges quadratically; sparse programs of thousands of rows cost
-milliseconds. The result is a candidate; nothing here is proved.
+with these fixed restores the rows after each step, unless they are many. Minima of such problems
+are mostly vertices, where the method converges quadratically; sparse programs of thousands of
+rows cost milliseconds. The result is a candidate; nothing here is proved.
 
 References
 ----------
@@ -34,6 +34,7 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"]
 
+_RESTORED = 600  # rows up to which they are restored after each step
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
@@ -159,8 +160,13 @@ class _Search:
         return np.clip(x + found.x[: x.size], low, high), found.value
 
     def place(self, x: NDArray[np.float64]) -> _Place:
-        """Evaluate a vector; where some variables are held, choose the others anew."""
-        x = _restored(self, x) if self.held.size else x
+        """Evaluate a vector; where some variables are held, choose the others anew.
+
+        Not where rows are many: the program takes as long as a step, whose violation is of second
+        order already.
+        """
+        restores = self.held.size and self.problem.rows.size <= _RESTORED
+        x = _restored(self, x) if restores else x
         return _Place(x, self.problem.objective(x) / self.scale, self.violation(x))
 
     def within(
