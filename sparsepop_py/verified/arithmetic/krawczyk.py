@@ -80,9 +80,8 @@ def zero_near(
     Interval (n,) or None
         None if the test fails for every radius tried.
     """
-    try:
-        inverse = np.linalg.inv(system.dense_jacobian(x)[:, solved])
-    except np.linalg.LinAlgError:
+    inverse = _inverse(system, x, solved)
+    if inverse is None:
         return None
     move = -applied(inverse, range_over(system, Interval.point(x)))
     least = 2.0 * float((move.magnitude() / (1.0 + np.abs(x[solved]))).max(initial=0.0))
@@ -93,6 +92,19 @@ def zero_near(
         if box is not None:
             return box
     return None
+
+
+def _inverse(
+    system: PolynomialSystem, x: NDArray[np.float64], solved: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """Invert the Jacobian in the variables ``solved``, nearly; None where it is singular."""
+    try:
+        if solved.size <= _SPARSE:
+            return np.asarray(np.linalg.inv(system.dense_jacobian(x)[:, solved]), np.float64)
+        matrix = sps.csc_matrix(system.jacobian(x).tocsc()[:, solved])
+        return np.asarray(splu(matrix).solve(np.eye(solved.size)), np.float64)
+    except (np.linalg.LinAlgError, RuntimeError):
+        return None
 
 
 def _image_inside(
