@@ -151,3 +151,18 @@ def test_a_long_record_with_strong_noise_is_certified() -> None:
     assert found.verify(made.data)
     again = setid.Identification.from_json(found.to_json())
     assert again.verify(made.data) and again.intervals["a1"].outer == found.intervals["a1"].outer
+
+
+@pytest.mark.parametrize("taps", [1, 2])
+def test_a_response_without_denominator_is_not_parted(taps: int) -> None:
+    """Noise near its bound at all samples leaves a set that no limit reaches within its width."""
+    rng = np.random.default_rng(0)
+    u = np.round(rng.uniform(-2, 2, 228) * 64) / 64
+    y = 0.75 * u + 0.2 * (1 - 1e-6) * rng.choice([-1, 1], 228)
+    options = setid.Options(progress=False, time_limit=3)
+    model = setid.TransferFunction(0, taps)
+    result = setid.identify(setid.IOData(u, y), model, setid.Noise(output=0.2), (), options)
+    assert result.verify()
+    (low, high), *others = (interval.outer for interval in result.intervals.values())
+    assert low <= 0.75 <= high
+    assert all(below <= 0.0 <= above for below, above in others)
