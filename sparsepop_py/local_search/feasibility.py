@@ -249,7 +249,7 @@ def _has_products(problem: Problem, x: NDArray[Any], chosen: NDArray[np.bool_]) 
 
 def _leading_columns(matrix: NDArray[Any]) -> NDArray[np.int64] | None:
     """Select as many columns as rows by QR with pivoting; None if rows depend."""
-    _, triangle, pivots = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    triangle, pivots = scipy.linalg.qr(matrix, mode="r", pivoting=True)
     m = matrix.shape[0]
     size = np.abs(np.diag(triangle))
     if size.size < m or size[-1] <= 1e-9 * max(size[0], 1e-300):

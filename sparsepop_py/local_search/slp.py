@@ -34,7 +34,8 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"]
 
-_RESTORED = 600  # rows up to which they are restored after each step
+_MANY = 600  # rows from which they are not restored after each step
+_APPROXIMATE = {"simplex_dual_edge_weight_strategy": 1}  # Devex: exact weights of many rows cost
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
@@ -95,6 +96,11 @@ class _Search:
     end: float = np.inf
     scale: float = 1.0
 
+    @property
+    def long(self) -> bool:
+        """Check that rows are many, so that programs take long."""
+        return self.problem.rows.size > _MANY
+
     @cached_property
     def size(self) -> NDArray[np.float64]:
         """Largest coefficient of each row."""
@@ -149,7 +155,8 @@ class _Search:
             np.append(high - x, np.full(slack.size, np.inf)),
         )
         if self._model is None:
-            self._model = LinearModel(matrix, (right, top), columns)
+            options = _APPROXIMATE if self.long else None
+            self._model = LinearModel(matrix, (right, top), columns, options)
         else:
             self._model.load(matrix, (right, top), columns)
         left = self.end - time.monotonic()
@@ -165,8 +172,7 @@ class _Search:
         Not where rows are many: the program takes as long as a step, whose violation is of second
         order already.
         """
-        restores = self.held.size and self.problem.rows.size <= _RESTORED
-        x = _restored(self, x) if restores else x
+        x = _restored(self, x) if self.held.size and not self.long else x
         return _Place(x, self.problem.objective(x) / self.scale, self.violation(x))
 
     def within(
