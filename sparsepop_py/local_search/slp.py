@@ -34,8 +34,8 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"]
 
-_MANY = 600  # rows from which they are not restored after each step
-_APPROXIMATE = {"simplex_dual_edge_weight_strategy": 1}  # Devex: exact weights of many rows cost
+_MANY = 600  # rows beyond which they are not restored after each step
+_DEVEX = {"simplex_dual_edge_weight_strategy": 1}  # exact weights of many rows take long
 _VIOLATED = 1e-7  # of a row's largest coefficient
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
@@ -155,7 +155,7 @@ class _Search:
             np.append(high - x, np.full(slack.size, np.inf)),
         )
         if self._model is None:
-            options = _APPROXIMATE if self.long else None
+            options = _DEVEX if self.long else None
             self._model = LinearModel(matrix, (right, top), columns, options)
         else:
             self._model.load(matrix, (right, top), columns)

@@ -38,6 +38,14 @@ def test_known_optima(problem, start, held, least):
     assert problem.objective(x) == pytest.approx(least, abs=1e-6)
 
 
+@pytest.mark.parametrize("problem, start, held, least", list(known()))
+def test_known_optima_of_many_rows(monkeypatch, problem, start, held, least):
+    """Beyond some rows they are not restored after each step, and the optima are the same."""
+    monkeypatch.setattr(slp, "_MANY", 0)
+    monkeypatch.setattr(slp, "_restored", lambda search, x: pytest.fail("rows were restored"))
+    test_known_optima(problem, start, held, least)
+
+
 @given(SEEDS)
 @settings(max_examples=30, deadline=None)
 def test_points_stay_within_the_bounds(seed):

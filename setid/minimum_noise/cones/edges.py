@@ -94,7 +94,7 @@ def long_edge(
     """
     scaled = filtered / sizes[:, None]
     apart = np.abs(scaled[:, None] - scaled[None]) @ bound
-    length = np.abs(coefficients[:, None] - coefficients[None]).max(axis=2)
+    length = np.abs(coefficients[:, None] - coefficients[None]).max(axis=2, initial=0.0)
     hard = np.sqrt(products / max(float(products.max()), _LEAST) + _SHARE)
     value = length / max(float(length.max()), _LEAST) * apart * hard
     i, j = (int(k) for k in np.unravel_index(int(np.argmax(value)), value.shape))

@@ -357,8 +357,6 @@ class _Search:
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
-        if len(node.cone) < 2:  # of order 0 there is one denominator
-            return None
         if node.centre is None:
             return 0, 1, (1, 1)
         bound, turned = self._programs.bound, upright(node.cone)

@@ -76,7 +76,7 @@ class WeightProgram:
     def scale(box: Interval) -> tuple[Reals, Reals]:
         """Compute middle and radius (k (d + 1),) of a box, the radius rounded up."""
         middle = box.middle()
-        return middle, np.asarray(up(np.maximum(up(box.hi - middle), up(middle - box.lo))))
+        return middle, box.radius(middle)
 
     def hidden(self, box: Interval, x: Reals) -> Reals:
         """Read hidden weights of a solution, the box's middle where output weights are zero."""

@@ -201,6 +201,11 @@ class Interval:
         with np.errstate(invalid="ignore"):
             return 0.5 * self.lo + 0.5 * self.hi
 
+    def radius(self, middle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bound the distance of all points of each interval from a number, rounded up."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.maximum(up(self.hi - middle), up(middle - self.lo))
+
     def width(self) -> NDArray[np.float64]:
         """Compute hi - lo to nearest, to choose by; infinite where it exceeds all doubles."""
         with np.errstate(over="ignore"):
@@ -276,8 +281,7 @@ def gram(factor: NDArray[np.float64]) -> Interval:
 def matmul(left: Interval, right: Interval) -> Interval:
     """Enclose the matrix product, by midpoints and radii (Rump 1999)."""
     a, b = left.middle(), right.middle()
-    a_radius = up(np.maximum(up(left.hi - a), up(a - left.lo)))
-    b_radius = up(np.maximum(up(right.hi - b), up(b - right.lo)))
+    a_radius, b_radius = left.radius(a), right.radius(b)
     inner = a.shape[-1] + 4.0
     with np.errstate(over="ignore", invalid="ignore"):
         product = a @ b
@@ -307,9 +311,8 @@ def applied(matrix: NDArray[np.float64] | sps.csr_array, vector: Interval) -> In
     relative = inner * (1.01 * _UNIT)
     with np.errstate(over="ignore", invalid="ignore"):
         middle = vector.middle()
-        radius = up(np.maximum(up(vector.hi - middle), up(middle - vector.lo)))
-        product = matrix @ middle
-        reach = abs(matrix) @ (up(radius + up(relative * np.abs(middle))) + inner * _TINY)
+        doubt = up(vector.radius(middle) + up(relative * np.abs(middle)))
+        product, reach = matrix @ middle, abs(matrix) @ (doubt + inner * _TINY)
         # a sum of c non-negative terms: gamma_c covers its own rounding too
         reach = up(up(reach + up(2.0 * relative * reach)) + inner * _TINY)
         lo, hi = down(product - reach), up(product + reach)

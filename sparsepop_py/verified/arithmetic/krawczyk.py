@@ -149,8 +149,7 @@ def _left_over(
     kept = place[variables] >= 0
     rows, columns, slopes = rows[kept], place[variables[kept]], slopes[kept]
     middle = slopes.middle()
-    radius = up(np.maximum(up(slopes.hi - middle), up(middle - slopes.lo)))
-    radius = up(radius + up(inner * _UNIT * np.abs(middle)))
+    radius = up(slopes.radius(middle) + up(inner * _UNIT * np.abs(middle)))
     with np.errstate(over="ignore", invalid="ignore"):
         rest = np.abs(np.eye(size) - inverse @ _matrix(rows, columns, middle, size))
         rest = up(rest + inner * _TINY)

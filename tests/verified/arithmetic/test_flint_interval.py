@@ -15,6 +15,7 @@ from flint import fmpq
 from flint_oracle import (
     LARGEST,
     SMALLEST,
+    at_most,
     between,
     cancelling,
     doubles,
@@ -248,6 +249,27 @@ def test_products_that_overflow_are_not_known():
         wide = matmul(Interval(np.array([[-np.inf]]), np.array([[1.0]])), Interval.point([[1.0]]))
     for each in (found, wide):
         assert each.lo[0, 0] == -np.inf and each.hi[0, 0] == np.inf
+
+
+@given(ends(), shares, st.floats(-10, 10))
+@quick
+def test_radii_reach_all_points_from_the_middle_and_elsewhere(pair, share, elsewhere):
+    point = between(*pair, share)
+    with np.errstate(all="ignore"):
+        interval = of(pair)
+        for centre in (interval.middle()[0], elsewhere):
+            if np.isfinite(centre):
+                away = point - rational(centre)
+                reach = interval.radius(np.array([centre]))[0]
+                assert at_most(real(max(away, -away)), float(reach))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_radii_are_rounded_up(sign):
+    """1 + 2^-60 is 1 in doubles; the other end is nearer."""
+    pair = sorted([sign, -sign * 2.0**-61])
+    (reach,) = of(pair).radius(np.array([-sign * 2.0**-60]))
+    assert rational(reach) >= 1 + fmpq(2) ** -60
 
 
 # ---- matrices of numbers and vectors -----------------------------------------------------------

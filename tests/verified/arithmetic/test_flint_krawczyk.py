@@ -214,3 +214,11 @@ def test_long_chains_of_equations_have_a_zero():
     wrong = near.copy()
     wrong[30] += 1e-6
     assert zero_near(system_of(rows), wrong, np.arange(n)) is None
+
+
+@pytest.mark.parametrize("n", [2, 50])
+def test_dependent_equations_have_no_proved_zero(n):
+    """Two equal rows: there are zeros, but no box around one that has a single one."""
+    v = sp.variables(n)
+    rows = [v[0] - v[1], *(v[k] - 1.0 for k in range(2, n)), v[0] - v[1]]
+    assert zero_near(system_of(rows), np.ones(n), np.arange(n)) is None
