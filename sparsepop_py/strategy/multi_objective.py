@@ -214,7 +214,8 @@ class MultiObjectiveSearch:
             self.points.append(auto.context.best)
         self._share_points(self.points[known:])
         self._quote(index)
-        if not auto.over:
+        near = auto.left <= STRATEGY.tight and len(auto.history) == 1  # what others prove may do
+        if not (auto.over or near):
             self._tighten()
         auto.context.report(auto.bound)
 

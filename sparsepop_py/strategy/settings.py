@@ -89,23 +89,30 @@ class StrategySettings:
         grown.
     working_set : int
         Constraints from which an objective is bounded on a working set of them.
-    most_working : float
-        Share of the constraints in a working set, at most.
+    most_working, most_of_few : float
+        Share of the constraints in a working set, at most: where the star of all is long, and where
+        constraints are fewer.
     binding, missing : float
         Share of the largest price: constraints with less are left out of a working set at first,
         and later of those that join it.
     tight : float
         Gap, in gaps that count as closed, from which down the point of a relaxation on a working
-        set tells which constraints are missing, and its turn goes on.
+        set tells which constraints are missing, and its turn goes on; and that does not yet ask for
+        a tighter box of all objectives.
     wider : float
         Multiple of its size to which a working set grows where its tree gains little.
     working_rounds : int
         Local searches after which constraints are added to a working set, at most.
     working_slice : float
         Seconds that a tree on a working set grows before relaxations are considered again.
-    long_star : float
+    medium_star, long_star : float
         Expected seconds of a star relaxation from which working sets are worth their local
-        searches.
+        searches: where constraints are costly, and in any case.
+    costly_row : float
+        Expected seconds of a star relaxation for each of its constraints, where these are costly.
+    worth_set : float
+        Progress that sets of other objectives have made at once, in the mean, where an objective
+        begins with a set though the star of all is not long.
     whole_star : float
         Seconds of a working set, in those of the star on all constraints, after which that star
         comes first.
@@ -145,15 +152,19 @@ class StrategySettings:
     long_problem: int = 300
     telling: float = 0.05
     weak_tree: float = 0.1
-    working_set: int = 60
+    working_set: int = 40
     most_working: float = 0.6
+    most_of_few: float = 0.8
     binding: float = 1e-3
     missing: float = 0.1
     tight: float = 10.0
     wider: float = 1.5
     working_rounds: int = 8
     working_slice: float = 1.5
+    medium_star: float = 0.6
     long_star: float = 2.5
+    costly_row: float = 0.01
+    worth_set: float = 0.7
     whole_star: float = 3.0
 
 

@@ -33,7 +33,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.local_search.slp import conflict_prices, row_prices, sequential_search
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.hierarchy import CostModel, Families, RelaxationSpec
+from sparsepop_py.relaxation.hierarchy import CostModel, Families, RelaxationSpec, progress
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
@@ -44,13 +44,15 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 __all__ = ["WorkingSetSearch", "suits"]
 
 _NO_PRICE = 1e-9
+_FIRST = "first step"  # of each objective on its set, in the record of the sets
 
 
 def suits(search: AdaptiveSearch) -> bool:
     """Check that a search is worth working sets.
 
     Few variables have to complicate many constraints, each of them a polynomial that meets few
-    others, and their relaxation has to take a while.
+    others. The star of all has to take a while, or more for each constraint than the linear
+    programs that choose a set.
     """
     problem, state = search.context.problem, search.shared_state
     if "working_set" in search.context.options.skip or not state.products.has_star:
@@ -59,8 +61,15 @@ def suits(search: AdaptiveSearch) -> bool:
         return False
     if any(c.entries for c in problem.constraints):
         return False
-    stars = (search.queue.seconds(spec) for spec in state.specs if spec.shape == "star")
-    return next(stars, 0.0) >= STRATEGY.long_star
+    seconds = _star_seconds(search)
+    costly = seconds >= STRATEGY.costly_row * len(problem.constraints)
+    return seconds >= STRATEGY.long_star or (costly and seconds >= STRATEGY.medium_star)
+
+
+def _star_seconds(search: AdaptiveSearch) -> float:
+    """Estimate the seconds of the star relaxation of all constraints, 0 without one."""
+    stars = (spec for spec in search.shared_state.specs if spec.shape == "star")
+    return next((search.queue.seconds(spec) for spec in stars), 0.0)
 
 
 @dataclass(eq=False)
@@ -111,7 +120,8 @@ class WorkingSetSearch:
         if self._whole_first():
             self._hand_over()
             return False
-        start = self.whole.context.deadline.now()
+        deadline = self.whole.context.deadline
+        start = deadline.now()
         if self.done or not self._ready():
             self.done = True
             self._hand_over()
@@ -120,10 +130,13 @@ class WorkingSetSearch:
         left = self.search.left
         self.search.run(1)
         self._take()
+        if not self.spent:
+            share, seconds = progress(left, self.search.left, 1.0), deadline.now() - start
+            self.costs.learn(_FIRST, share, seconds, goes_on=True)
         slow = self._slow(left)
         if not self.whole.over:
             self._grow(slow)
-        self.spent += self.whole.context.deadline.now() - start
+        self.spent += deadline.now() - start
         return True
 
     def _whole_first(self) -> bool:
@@ -153,6 +166,11 @@ class WorkingSetSearch:
     # ---- the set ------------------------------------------------------------------------------
 
     @cached_property
+    def _long(self) -> bool:
+        """Check whether the star of all constraints takes long."""
+        return _star_seconds(self.whole) >= STRATEGY.long_star
+
+    @cached_property
     def _held(self) -> NDArray[np.int64]:
         """The complicating variables."""
         return np.array(self.whole.shared_state.products.complicating, np.int64)
@@ -179,6 +197,8 @@ class WorkingSetSearch:
         if context.best is None:
             return False
         if self.rows is None:
+            if self._in_vain:
+                return False
             with context.stages.stage("refine"):
                 on_box = _on_box(context.problem, self.whole.model.box)
                 price = row_prices(on_box, context.best.x, self._held, end=context.deadline.end)
@@ -197,10 +217,16 @@ class WorkingSetSearch:
         )
         return not self.search.exhausted
 
+    @property
+    def _in_vain(self) -> bool:
+        """Check that other sets gained little, where the star of all is short."""
+        return not self._long and self.costs.progress.get(_FIRST, 1.0) < STRATEGY.worth_set
+
     def _set(self, rows: NDArray[np.int64]) -> bool:
         """Check that a working set is neither empty nor large, and take it."""
         total = len(self.whole.context.problem.constraints)
-        if not 0 < rows.size <= STRATEGY.most_working * total:
+        most = STRATEGY.most_working if self._long else STRATEGY.most_of_few
+        if not 0 < rows.size <= most * total:
             return False
         if self.search is not None and self.small is not None:
             self.before = self.small, self.search.steps_below

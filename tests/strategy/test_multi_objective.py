@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.multistart import best_attained
+from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch
 
 AUTO = Options(effort="auto")
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width")
@@ -317,6 +320,27 @@ def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
     assert set(repaired) == {start for starts in searched for start in starts}
     for starts in searched:
         assert len(set(starts)) == len(starts)
+
+
+@pytest.mark.parametrize(
+    ("left", "steps", "tightens"),
+    [(30.0, 1, True), (3.0, 1, False), (3.0, 2, True), (0.9, 1, False), (0.9, 2, False)],
+)
+def test_a_gap_that_is_nearly_closed_does_not_yet_ask_for_a_tighter_box(
+    left, steps, tightens, monkeypatch
+):
+    """What other objectives prove may close it."""
+    asked = []
+    for name in ("_share_points", "_quote"):
+        monkeypatch.setattr(MultiObjectiveSearch, name, lambda *_: None)
+    monkeypatch.setattr(MultiObjectiveSearch, "_tighten", lambda *_: asked.append(1))
+    search = MultiObjectiveSearch(*(cast(Any, None),) * 7)
+    context = SimpleNamespace(best=None, report=lambda bound: None)
+    auto = SimpleNamespace(left=left, over=left < 1.0, history=[1] * steps, context=context)
+    auto.bound = 0.0
+    search.searches = cast(Any, [auto])
+    search._share(0)
+    assert bool(asked) is tightens
 
 
 def test_of_known_points_the_first_is_proved_again_however_little_time_there_is(monkeypatch):

@@ -154,6 +154,46 @@ def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
     assert not sizes(results)
 
 
+@pytest.mark.parametrize(
+    ("seconds", "samples", "worth"),
+    [
+        (0.7, 49, True),  # .015 s a constraint
+        (0.7, 99, False),  # .007 s: linear programs over all cost as much as the star
+        (1.2, 99, True),
+        (0.5, 49, False),
+        (2.6, 301, True),
+        (0.7, 39, False),  # 38 constraints
+    ],
+)
+def test_sets_are_worth_it_where_constraints_are_costly(seconds, samples, worth, monkeypatch):
+    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
+    assert working_set.suits(search_on(problem_of(*record(samples=samples)))) is worth
+
+
+@pytest.mark.parametrize(
+    ("seconds", "gained", "used"),
+    [
+        (1.0, (0.2,), False),
+        (1.0, (0.8,), True),
+        (1.0, (0.8, 0.2), False),  # .56 in the mean: what is new counts most
+        (1.0, (), True),  # the first objective
+        (3.0, (0.2,), True),  # the star of all is long
+    ],
+)
+def test_sets_that_gain_little_leave_other_objectives_to_the_whole(
+    seconds, gained, used, monkeypatch
+):
+    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
+    costs = CostModel()
+    for progress in gained:
+        costs.learn("first step", progress, 0.1, goes_on=True)
+    own = WorkingSetSearch(whole_search(), costs)
+    assert own.step() is used
+    assert own.done is not used
+
+
 def test_prices_of_a_small_problem():
     """x >= 1 binds at 1, x >= -5 does not; x = 3 contradicts x y = 6 with y <= 1."""
     x, y = sp.variables(2)
@@ -254,10 +294,19 @@ def test_the_tree_of_another_set_is_judged_from_its_first_node(monkeypatch):
     problem = problem_of(*record())
     own = with_tree(0, 50.0, SimpleNamespace(context=SimpleNamespace(problem=problem)))
     monkeypatch.setattr(WorkingSetSearch, "_held", np.array([0, 1]))
+    monkeypatch.setattr(WorkingSetSearch, "_long", True)
     own.judged = 9
     assert own._set(np.arange(5, 15))
     own.search = with_tree(1, 40.0).search
     assert own._slow(50.0)
+
+
+@pytest.mark.parametrize(("seconds", "most"), [(1.0, 64), (3.0, 48)])
+def test_sets_may_be_larger_where_the_star_of_all_is_not_long(seconds, most, monkeypatch):
+    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
+    own = WorkingSetSearch(search_on(problem_of(*record())), CostModel())
+    assert own._set(np.arange(most)) and not own._set(np.arange(most + 1))
 
 
 def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypatch):
@@ -271,24 +320,33 @@ def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypat
     monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: 1.0 * (np.arange(80) < 3))
     monkeypatch.setattr(WorkingSetSearch, "_complete", lambda *_: None)
     results = both_ends(problem_of(*record()), replace(WIDTH, time_limit=None, work_limit=2.0))
-    assert learned.pop("branch") == {True}
+    assert learned.pop("branch") == learned.pop("first step") == {True}
     assert set.union(*learned.values()) == {False}
     names = [entry.name for result in results for entry in result.history]
     assert sizes(results)
     assert not any(n.startswith("tighten") and n.endswith("constraints") for n in names)
 
 
-def tightened_set():
-    """A search on a small set, whose tree has tightened the box of its root."""
-    problem = problem_of(*record())
+def search_on(problem):
+    """The search on all constraints."""
     shared = SharedState.of(problem, (problem.objective,), WIDTH)
     context = SolveContext(problem, WIDTH, Stages(), Deadline(None))
     box = Interval(problem.lower, problem.upper)
-    whole = AdaptiveSearch(context, Model(BoxProof(), box), [], shared)
-    whole.search_more_starts()
+    return AdaptiveSearch(context, Model(BoxProof(), box), [], shared)
+
+
+def whole_search():
+    """The search on all constraints, with an incumbent."""
+    whole = search_on(problem_of(*record()))
     whole._search_incumbent([np.r_[TRUTH, np.zeros(SAMPLES)]])
-    own = WorkingSetSearch(whole, CostModel())
-    assert whole.context.best is not None and own._set(np.arange(10, 50))
+    assert whole.context.best is not None
+    return whole
+
+
+def tightened_set():
+    """A search on a small set, whose tree has tightened the box of its root."""
+    own = WorkingSetSearch(whole_search(), CostModel())
+    assert own._set(np.arange(10, 50))
     own._begin()
     assert own.search is not None
     own.search._run("branch")
