@@ -329,15 +329,16 @@ class WorkingSetSearch:
             branch_on=None if branch is None else tuple(int(place[v]) for v in branch),
         )
         shared = whole.shared_state
+        specs = _from_stars(shared.specs)
         state = replace(
             shared,
             products=Products.of(problem),
             cliques=Families(problem, (), options.sparse, options.chordal),
             variables=tuple(int(place[v]) for v in shared.variables),
             cost_model=self.costs,
-            estimates={},
+            estimates=self._estimates(specs),
             active=None,
-            specs=_from_stars(shared.specs),
+            specs=specs,
             obbt_lp=False,  # costs more than a relaxation here, and gains little
         )
         own: SolveContext = replace(
@@ -349,6 +350,20 @@ class WorkingSetSearch:
             fewer, steps = self.before
             box, self.before = self.search.model.box, None
             self.search.adopt(fewer.within(small).restated_steps(steps, box))
+
+    def _estimates(self, specs: tuple[RelaxationSpec, ...]) -> dict[str, float]:
+        """Estimate seconds on the set by its share of those on all constraints.
+
+        These are estimated once for all sets, but not for long records: that would take longer. What
+        does not fit in memory there is not tried here.
+        """
+        if self._long or self.small is None:
+            return {}
+        for spec in specs:
+            self.whole.queue.seconds(spec)
+        problem, known = self.whole.context.problem, self.whole.shared_state.estimates
+        share = self.small.rows.size / len(problem.constraints)
+        return {spec.name: share * known[spec.name] for spec in specs if spec.name in known}
 
     def _restart(self) -> None:
         assert self.search is not None

@@ -309,6 +309,19 @@ def test_sets_may_be_larger_where_the_star_of_all_is_not_long(seconds, most, mon
     assert own._set(np.arange(most)) and not own._set(np.arange(most + 1))
 
 
+@pytest.mark.parametrize("seconds", [1.0, 3.0])
+def test_seconds_on_a_set_are_a_share_of_those_on_all(seconds, monkeypatch):
+    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
+    own = WorkingSetSearch(whole_search(), CostModel())
+    assert own._set(np.arange(10, 50))  # 40 of 80
+    own._begin()
+    assert own.search is not None
+    found, whole = own.search.shared_state.estimates, own.whole.shared_state.estimates
+    assert found == ({} if seconds == 3.0 else {name: 0.5 * whole[name] for name in found})
+    assert ("star" in found) is (seconds == 1.0)
+
+
 def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypatch):
     learned, learn = {}, CostModel.learn
 
