@@ -380,26 +380,29 @@ class _Builder:
         bases = self.clique_bases()
         for k, basis in enumerate(bases):
             self.add(False, 0, k, basis)
-        allowed: dict[int, set[tuple[int, ...]]] = {-1: set()}
+        codes = _Codes(4 + self.problem.degree)
+        coded, held = {}, {}  # bases of cliques, and their products
         for number, constraint in enumerate(self.problem.constraints):
             check()
             polynomial = constraint.polynomial
             home = int(self.cliques.home[number])
             basis = bases[home] if home >= 0 else [()]
-            if home not in allowed:
-                allowed[home] = {tuple(sorted(a + b)) for a in basis for b in basis}
-            held_there = allowed[home]
+            if home not in coded:
+                own = coded[home] = [codes.of(word) for word in basis]
+                held[home] = {a + b for a in own for b in own} if home >= 0 else set()
+            held_there, own = held[home], coded[home]
             if constraint.entries:
-                entries = [t for p in constraint.entries for t in _terms(p)]
-                self.matrix(number, max(home, 0), _localized(basis, held_there, entries))
+                entries = [codes.of(t) for p in constraint.entries for t in _terms(p)]
+                self.matrix(number, max(home, 0), _localized(basis, own, held_there, entries))
             if polynomial.degree == 0:
                 continue
-            terms = _terms(polynomial)
+            terms = [codes.of(t) for t in _terms(polynomial)]
             equal = bool(self.problem.equality[number])
-            multipliers = _localized(basis, held_there, terms)
             if equal:
-                fits = [b for b in basis if all(tuple(sorted(b + t)) in held_there for t in terms)]
-                multipliers = fits or [()]
+                kept = (all(c + t in held_there for t in terms) for c in own)
+                multipliers = [b for b, keep in zip(basis, kept, strict=True) if keep] or [()]
+            else:
+                multipliers = _localized(basis, own, held_there, terms)
             self.add(equal, number + 1, max(home, 0), multipliers)
         inside: dict[int, list[int]] = {}
         for v, others in self.products.partners.items():
@@ -444,16 +447,35 @@ def _terms(polynomial: Polynomial) -> list[tuple[int, ...]]:
     return [tuple(x for x in word if x) for word in polynomial.words.tolist()]
 
 
+class _Codes:
+    """Monomials as integers: the code of a product is the sum of the codes.
+
+    Parameters
+    ----------
+    degree : int
+        Largest degree of a product.
+    """
+
+    def __init__(self, degree: int) -> None:
+        self.bits = degree.bit_length()  # of the exponent of each variable
+        self.place: dict[int, int] = {}
+
+    def of(self, letters: tuple[int, ...]) -> int:
+        """Compute the code of a monomial; variables get places as they appear."""
+        place = self.place
+        return sum(1 << self.bits * place.setdefault(x, len(place)) for x in letters)
+
+
 def _localized(
-    basis: list[tuple[int, ...]], held: set[tuple[int, ...]], terms: list[tuple[int, ...]]
+    basis: list[tuple[int, ...]], codes: list[int], held: set[int], terms: list[int]
 ) -> list[tuple[int, ...]]:
     """Select monomials that keep all entries of a localizing matrix among the moments."""
-    grown: list[tuple[int, ...]] = [()]
-    for b in basis[1:]:
-        trial = [*grown, b]
-        if all(tuple(sorted(b + other + t)) in held for other in trial for t in terms):
-            grown = trial
-    return grown
+    grown, chosen = [0], [basis[0]]
+    for b, code in zip(basis[1:], codes[1:], strict=True):
+        if all(code + other + t in held for other in (*grown, code) for t in terms):
+            grown.append(code)
+            chosen.append(b)
+    return chosen
 
 
 # ---- the table of shapes ----------------------------------------------------------------

@@ -354,8 +354,8 @@ class WorkingSetSearch:
     def _estimates(self, specs: tuple[RelaxationSpec, ...]) -> dict[str, float]:
         """Estimate seconds on the set by its share of those on all constraints.
 
-        These are estimated once for all sets, but not for long records: that would take longer. What
-        does not fit in memory there is not tried here.
+        These are estimated once for all sets, but not for long records: that would take longer.
+        What does not fit in memory there is not tried here.
         """
         if self._long or self.small is None:
             return {}
