@@ -28,9 +28,10 @@ from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
+from setid.result.json_ import certificate_text
 from setid.serve.server import serve
 from setid.study import Study
-from setid.verify_command import add_verify, certificate_text
+from setid.verify_command import add_verify
 from sparsepop_py.cli import (
     EXIT_INPUT,
     EXIT_MISSING,

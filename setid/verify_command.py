@@ -12,12 +12,12 @@ from setid.errors import SetidError
 from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
-from setid.result.json_ import from_json, to_json
+from setid.result.json_ import from_json
 from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.files import read_text
 from sparsepop_py.io.json_files.codecs import parsed
 
-__all__ = ["add_verify", "certificate_text"]
+__all__ = ["add_verify"]
 
 _TEXT = "check a stored identification again, without any solver"
 _CODES = """exit codes:
@@ -29,23 +29,6 @@ The program checker/ of the source distribution checks the same file, as
   python checker/check.py --record RECORD.csv [--decimal ,] [--header LINES] FILE.json
 and shares no code.
 """
-
-
-def certificate_text(result: Identification) -> str:
-    """Write an identification for both checkers, the one of the package and that of ``checker/``.
-
-    Parameters
-    ----------
-    result : Identification
-
-    Returns
-    -------
-    str
-        JSON: what :func:`setid.certificate_files` gives, with the text of ``to_json`` as
-        ``result``.
-    """
-    found = certificate_files(result)
-    return json.dumps({**found, "result": json.loads(to_json(result))["result"]}, allow_nan=False)
 
 
 def add_verify(commands: Any) -> None:
@@ -114,7 +97,12 @@ def _read(path: str) -> Identification:
         )
     if not isinstance(found, dict) or found.get("is") != "identification":
         return from_json(json.dumps(found))
-    stored = {"format": "setid", "version": 1, "is": "result", "result": found.pop("result", None)}
+    if not isinstance(found.get("result"), dict):
+        raise SetidError(
+            f"{path}: found no part 'result', expected what `setid identify --certificate` writes; "
+            "checker/check.py reads files without it"
+        )
+    stored = {"format": "setid", "version": 1, "is": "result", "result": found.pop("result")}
     result = from_json(json.dumps(stored))
     again = json.loads(json.dumps(certificate_files(result)))
     if found.get("version") != again["version"]:

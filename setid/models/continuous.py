@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from math import expm1
+from math import expm1, log2
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -52,6 +52,7 @@ __all__ = [
     "without_delta",
 ]
 
+_MOST_POWER = 960  # of two: smaller and larger doubles round otherwise
 INDIRECT_WARNING = (
     "intervals of discrete coefficients do not map to intervals of physical ones, and inverse "
     "discretisation need not preserve stability or the degree of the numerator; it is right "
@@ -341,6 +342,11 @@ class ContinuousTransferFunction(InNotebook):
             raise ModelError(
                 "Ts: found None, expected the sampling interval (data bring it along; to simulate, "
                 "give ContinuousTransferFunction(..., Ts=...))"
+            )
+        if self.n * (abs(log2(self.Ts)) + 1) > _MOST_POWER:
+            raise ModelError(
+                f"Ts: found {self.Ts!r}, whose powers up to {self.n} leave the range of doubles, "
+                "expected another unit of time"
             )
         return self.Ts
 

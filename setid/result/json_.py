@@ -19,6 +19,7 @@ from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.result.certificate_files import certificate_files
 from setid.result.damaged_texts import check_fields, refused
 from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
@@ -27,7 +28,7 @@ from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import array, optional, parsed
 from sparsepop_py.io.json_files.values import PROVED_POINT
 
-__all__ = ["from_json", "to_json"]
+__all__ = ["certificate_text", "from_json", "to_json"]
 
 _FORMAT, _VERSION = "setid", 1
 _KIND = "result"
@@ -55,6 +56,23 @@ def to_json(result: Identification) -> str:
     """
     found = {"format": _FORMAT, "version": _VERSION, "is": _KIND, _KIND: _written(result)}
     return json.dumps(found, allow_nan=False, separators=(",", ":"))
+
+
+def certificate_text(result: Identification) -> str:
+    """Write an identification for both checkers, the one of the package and that of ``checker/``.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    str
+        JSON: what :func:`setid.certificate_files` gives, with the text of ``to_json`` as
+        ``result``.
+    """
+    found = certificate_files(result)
+    return json.dumps({**found, "result": json.loads(to_json(result))["result"]}, allow_nan=False)
 
 
 def from_json(text: str) -> Identification:

@@ -2,6 +2,7 @@
 // The page of `setid serve`: sends a record, starts a job, shows what it has so far.
 const by = (id) => document.getElementById(id);
 let file = null, record = null, job = null, shown = 0;
+let sent = 0; // tables sent; the answer to an earlier one is dropped
 
 async function ask(path, options = {}) {
   const headers = { "X-Setid": "page", ...(options.headers || {}) };
@@ -21,14 +22,27 @@ function complain(error) {
   by("error").hidden = !error;
 }
 
+function clear() {
+  job = null; // what is under way for the page so far is not shown any more
+  shown = 0;
+  for (const id of ["report", "downloads", "state"]) by(id).replaceChildren();
+  by("stop").hidden = by("bar").hidden = true;
+}
+
 async function send(given) {
+  const turn = ++sent;
+  if (job) ask(`/jobs/${job}`, { method: "DELETE" }).catch(() => {});
+  clear();
   file = given;
+  record = null;
+  by("form").hidden = true;
   complain(null);
   try {
     const decimal = encodeURIComponent(by("decimal").value);
-    const found = await ask(`/records?decimal=${decimal}`, { method: "POST", body: file });
+    const found = await ask(`/records?decimal=${decimal}`, { method: "POST", body: given });
+    if (turn !== sent) return;
     record = found.record;
-    by("about").textContent = `${file.name}: ${found.samples} samples, ${found.columns.length} columns`;
+    by("about").textContent = `${given.name}: ${found.samples} samples, ${found.columns.length} columns`;
     for (const [id, chosen] of [["inputs", 0], ["outputs", found.columns.length - 1]]) {
       by(id).replaceChildren(...found.columns.map((name, place) => {
         const wanted = { inputs: "u", outputs: "y" }[id];
@@ -38,31 +52,40 @@ async function send(given) {
     }
     by("form").hidden = false;
   } catch (error) {
-    record = null;
-    by("form").hidden = true;
+    if (turn !== sent) return;
     by("about").textContent = "";
     complain(error);
   }
 }
 
+// Fields that a structure does not have are no part of what is asked.
+function fit() {
+  const kind = by("structure").value;
+  by("nk").disabled = by("offset").disabled = kind !== "TransferFunction";
+  by("stable").disabled = kind === "PolynomialNARX";
+}
+
 const chosen = (id) => [...by(id).selectedOptions].map((option) => JSON.parse(option.value));
-const number = (id) => (by(id).value === "" ? null : Number(by(id).value));
+const number = (id) => (by(id).disabled ? 0 : by(id).value === "" ? null : Number(by(id).value));
 
 async function start() {
+  if (by("go").disabled) return;
   complain(null);
-  const given = { record, inputs: chosen("inputs"), outputs: chosen("outputs"), structure: by("structure").value };
+  clear();
+  const given = { record, file: file.name, inputs: chosen("inputs"), outputs: chosen("outputs"), structure: by("structure").value };
   for (const id of ["Ts", "samples", "na", "nb", "nk", "equation", "output", "input", "seconds"]) given[id] = number(id);
-  for (const id of ["offset", "stable"]) given[id] = by(id).checked;
+  for (const id of ["offset", "stable"]) given[id] = !by(id).disabled && by(id).checked;
+  by("go").disabled = true;
   try {
     const headers = { "Content-Type": "application/json" };
-    job = (await ask("/jobs", { method: "POST", headers, body: JSON.stringify(given) })).job;
+    const begun = (await ask("/jobs", { method: "POST", headers, body: JSON.stringify(given) })).job;
+    if (given.record === record) job = begun; // no other table was chosen meanwhile
   } catch (error) {
-    return complain(error);
+    complain(error);
+  } finally {
+    by("go").disabled = false;
   }
-  shown = 0;
-  by("report").replaceChildren();
-  by("downloads").replaceChildren();
-  follow(job);
+  if (job) follow(job);
 }
 
 async function follow(name) {
@@ -70,17 +93,20 @@ async function follow(name) {
     let found;
     try {
       found = await ask(`/jobs/${name}`);
+      if (name !== job) return;
     } catch (error) {
+      if (name !== job) return;
       by("stop").hidden = by("bar").hidden = true;
       return complain(error);
     }
-    show(found);
+    show(name, found);
     if (found.state !== "running") return;
     await new Promise((wake) => setTimeout(wake, 400));
   }
 }
 
-function show(found) {
+function show(name, found) {
+  if (name !== job) return;
   const running = found.state === "running";
   by("stop").hidden = by("bar").hidden = !running;
   const ends = found.ends ? `, ${found.settled} of ${found.ends} intervals` : "";
@@ -96,21 +122,24 @@ function show(found) {
     by("report").appendChild(part);
   }
   shown = Math.max(shown, found.sections.length);
-  if (!running && found.files.length && !by("downloads").childElementCount) {
-    by("downloads").append("Download: ");
-    for (const file of found.files) {
-      const link = document.createElement("a");
-      link.href = `/jobs/${job}/${file}`;
-      link.textContent = file;
-      by("downloads").append(link, " ");
-    }
+  const links = by("downloads");
+  if (found.files.length && !links.childElementCount) links.append("Download: ");
+  for (const title of found.files.slice(links.childElementCount)) {
+    const link = document.createElement("a");
+    link.href = `/jobs/${name}/${title}`;
+    link.textContent = title;
+    links.append(link, " ");
   }
 }
 
 by("file").addEventListener("change", () => by("file").files[0] && send(by("file").files[0]));
 by("decimal").addEventListener("change", () => file && send(file));
 by("form").addEventListener("submit", (event) => { event.preventDefault(); start(); });
-by("stop").addEventListener("click", () => ask(`/jobs/${job}`, { method: "DELETE" }).then(show, complain));
+by("structure").addEventListener("change", fit);
+by("stop").addEventListener("click", () => {
+  const name = job;
+  ask(`/jobs/${name}`, { method: "DELETE" }).then((found) => show(name, found), complain);
+});
 for (const [kind, over] of [["dragover", true], ["dragleave", false], ["drop", false]]) {
   by("drop").addEventListener(kind, (event) => {
     event.preventDefault();

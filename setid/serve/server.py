@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import tempfile
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -19,7 +21,7 @@ from setid.data.checks import word
 from setid.data.record import IOData
 from setid.data.tables import column_names
 from setid.errors import DataError, SetidError
-from setid.serve.work import Form, read_form, work
+from setid.serve.work import Form, check_samples, read_form, work
 from sparsepop_py.executors.processes import Processes, WorkerLost
 
 __all__ = ["Jobs", "make_app", "serve"]
@@ -31,6 +33,7 @@ _FILES = {
     "report.txt": "text/plain",
     "result.json": "application/json",
     "certificate.json": "application/json",
+    "record.csv": "text/csv",
 }
 
 
@@ -136,6 +139,7 @@ class Jobs:
             if len(columns) < 2:
                 raise DataError("record: found one column, expected an input and an output")
             data = IOData.from_csv(path, 0, len(columns) - 1, decimal=decimal)
+            check_samples(data)
         except SetidError as error:
             path.unlink()
             raise DataError(str(error).replace(str(path), "the file")) from None
@@ -225,13 +229,20 @@ class _Routes:
     def add_record(self) -> Any:
         """Take a table."""
         request = self._flask.request
+        if "Transfer-Encoding" in request.headers:  # such a body ends at the limit, unsaid
+            return {
+                "error": "record: found no Content-Length, expected the length of the file"
+            }, 411
         decimal = request.args.get("decimal", ".")
         name, found = self._jobs.add_record(request.get_data(), decimal)
         return {"record": name, **found}
 
     def start(self) -> Any:
         """Start a job."""
-        given = self._flask.request.get_json(silent=True)
+        try:
+            given = self._flask.request.get_json(silent=True)
+        except RecursionError:
+            given = None
         if not isinstance(given, dict):
             raise DataError("request: expected a JSON object")
         return {"job": self._jobs.start(given.get("record"), given)}
@@ -275,6 +286,15 @@ def _wrong(error: Any) -> Any:
     return {"error": str(error)}, 400
 
 
+def _refused(error: Any) -> Any:
+    return {"error": f"request: {error.description}"}, error.code
+
+
+def _failed(error: Any) -> Any:
+    traceback.print_exception(error)
+    return {"error": f"the server failed, please report it: {error!r:.300}"}, 500
+
+
 def make_app(jobs: Jobs) -> Any:
     """Make the application; requests of other hosts and sites are refused.
 
@@ -292,11 +312,15 @@ def make_app(jobs: Jobs) -> Any:
         If flask is not installed.
     """
     flask = _flask()
+    from werkzeug.exceptions import HTTPException
+
     app, routes = flask.Flask("setid.serve", static_folder=None), _Routes(jobs, flask)
     app.config["MAX_CONTENT_LENGTH"] = MOST_BYTES
     app.before_request(routes.guard)
     app.after_request(routes.secure)
     app.register_error_handler(413, _too_large)
+    app.register_error_handler(HTTPException, _refused)
+    app.register_error_handler(Exception, _failed)
     app.register_error_handler(SetidError, _wrong)
     app.register_error_handler(sp.SparsePOPError, _wrong)
     app.add_url_rule("/", view_func=routes.page)
@@ -314,7 +338,7 @@ def _own(name: str) -> str:
 
 
 def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> None:
-    """Serve the page on 127.0.0.1 until Ctrl-C.
+    """Serve the page on 127.0.0.1 until Ctrl-C, or until the process is told to end.
 
     Parameters
     ----------
@@ -334,6 +358,10 @@ def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> 
     from werkzeug.serving import make_server
 
     jobs = Jobs(Path(tempfile.mkdtemp(prefix="setid-")))
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):  # so that the files are deleted then, too
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
         server = make_server("127.0.0.1", port, make_app(jobs), threaded=True)
         if on_start is not None:

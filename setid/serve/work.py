@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from html import escape
+from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import sparsepop_py as sp
 from setid.bands.outputs import Mode
 from setid.consistency import Consistency, consistency
 from setid.data.noise import Noise
@@ -24,15 +28,16 @@ from setid.models.lti import TransferFunction
 from setid.models.registry import family_of
 from setid.options import Options
 from setid.priors import Stable
-from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
+from setid.result.json_ import certificate_text
 from sparsepop_py.files import write_text
 
-__all__ = ["Form", "read_form", "work"]
+__all__ = ["Form", "check_samples", "read_form", "work"]
 
 Ends = tuple[float, float]
 _CLOSED = 1e-3  # of the attained width, the tolerance of options
-MOST_SAMPLES, MOST_ORDER, MOST_SECONDS = 20_000, 20, 3600.0
+MOST_SAMPLES, MOST_ORDER, MOST_PARAMETERS, MOST_SECONDS = 20_000, 20, 300, 3600.0
+_ERRORS = (SetidError, sp.SparsePOPError, ValueError, ArithmeticError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,8 @@ class Form:
     stable : bool
     seconds : float
         Time limit.
+    file : str
+        Name of the table, as the page knows it.
     """
 
     record: IOData
@@ -58,6 +65,35 @@ class Form:
     noise: Noise
     stable: bool
     seconds: float
+    file: str
+
+    def asked(self) -> list[tuple[str, str]]:
+        """List what the answers are about, with all digits."""
+        data, whole = self.record, self.record.samples
+        if self.validation is not None:
+            whole += self.validation.samples
+        channels = f"{', '.join(data.input_names)} -> {', '.join(data.output_names)}"
+        bounds = {kind: getattr(self.noise, kind) for kind in ("equation", "output", "input")}
+        return [
+            ("file", self.file),
+            ("samples", f"{data.samples} of {whole}, every {data.Ts!r}"),
+            ("inputs and outputs", channels),
+            ("structure", f"{self.model!r:.2000}"),
+            ("noise bounds", ", ".join(f"{kind} {value!r}" for kind, value in bounds.items())),
+            ("stable", "assumed" if self.stable else "not assumed"),
+            ("time limit", f"{self.seconds:g} s"),
+        ]
+
+
+def check_samples(data: IOData) -> None:
+    """Check that a record is not too long for the page.
+
+    Raises
+    ------
+    DataError
+    """
+    if data.samples > MOST_SAMPLES:
+        raise DataError(f"record: found {data.samples} samples, expected at most {MOST_SAMPLES}")
 
 
 def read_form(path: Path, given: Mapping[str, Any], decimal: str = ".") -> Form:
@@ -70,7 +106,7 @@ def read_form(path: Path, given: Mapping[str, Any], decimal: str = ".") -> Form:
     given : mapping
         ``inputs``, ``outputs`` (names or numbers of columns), ``Ts``, ``samples`` (0: all),
         ``structure``, ``na``, ``nb``, ``nk``, ``offset``, ``equation``, ``output``, ``input``,
-        ``stable`` and ``seconds``.
+        ``stable``, ``seconds`` and ``file``, the name of the table.
     decimal : {".", ","}
         The decimal mark of the table.
 
@@ -80,10 +116,9 @@ def read_form(path: Path, given: Mapping[str, Any], decimal: str = ".") -> Form:
         Naming the field, what was found and what was expected.
     """
     inputs, outputs = (_columns(given, field) for field in ("inputs", "outputs"))
-    Ts = _number(given, "Ts", 1.0, 0.0)
+    Ts = _positive(given, "Ts", 1.0)
     data = IOData.from_csv(path, inputs, outputs, Ts, decimal=decimal)
-    if data.samples > MOST_SAMPLES:
-        raise DataError(f"record: found {data.samples} samples, expected at most {MOST_SAMPLES}")
+    check_samples(data)
     count = _whole(given, "samples", 0, data.samples)
     record, validation = data.split(count) if 0 < count < data.samples else (data, None)
     output, input, equation = (_bound(given, kind) for kind in ("output", "input", "equation"))
@@ -94,8 +129,9 @@ def read_form(path: Path, given: Mapping[str, Any], decimal: str = ".") -> Form:
         validation,
         _model(given, data),
         Noise(output, input, equation),
-        given.get("stable") is True,
-        min(_number(given, "seconds", 60.0, 0.0), MOST_SECONDS),
+        _stable(given),
+        min(_positive(given, "seconds", 60.0), MOST_SECONDS),
+        str(given.get("file", "a table"))[:200],
     )
 
 
@@ -108,20 +144,43 @@ def _columns(given: Mapping[str, Any], field: str) -> list[str | int]:
     return found
 
 
-def _number(given: Mapping[str, Any], field: str, default: float, above: float) -> float:
+def _finite(given: Mapping[str, Any], field: str, default: float, expected: str) -> float:
     found = given.get(field, default)
     right = isinstance(found, (int, float)) and not isinstance(found, bool)
-    if not right or not above < found <= sys.float_info.max:
-        raise SetidError(f"{field}: found {found!r:.80}, expected a number above {above:g}")
+    if not right or not -sys.float_info.max <= found <= sys.float_info.max:
+        raise SetidError(f"{field}: found {found!r:.80}, expected {expected}")
     return float(found)
+
+
+def _positive(given: Mapping[str, Any], field: str, default: float) -> float:
+    expected = "a finite number above 0"
+    found = _finite(given, field, default, expected)
+    if found <= 0:
+        raise SetidError(f"{field}: found {found:g}, expected {expected}")
+    return found
 
 
 def _bound(given: Mapping[str, Any], field: str) -> float:
     """Read a noise bound, 0 without one."""
-    found = _number(given, field, 0.0, -np.inf)
+    expected = "a finite noise bound >= 0"
+    found = _finite(given, field, 0.0, expected)
     if found < 0:
-        raise NoiseError(f"{field}: found {found:g}, expected a noise bound >= 0")
+        raise NoiseError(f"{field}: found {found:g}, expected {expected}")
     return found
+
+
+def _flag(given: Mapping[str, Any], field: str) -> bool:
+    found = given.get(field, False)
+    if not isinstance(found, bool):
+        raise SetidError(f"{field}: found {found!r:.80}, expected true or false")
+    return found
+
+
+def _stable(given: Mapping[str, Any]) -> bool:
+    stable = _flag(given, "stable")
+    if stable and given.get("structure") == "PolynomialNARX":
+        raise ModelError("stable: found true, expected false: polynomial regressions have no poles")
+    return stable
 
 
 def _whole(given: Mapping[str, Any], field: str, default: int, most: int) -> int:
@@ -134,16 +193,28 @@ def _whole(given: Mapping[str, Any], field: str, default: int, most: int) -> int
 def _model(given: Mapping[str, Any], data: IOData) -> Structure:
     kind = given.get("structure", "TransferFunction")
     na, nb, nk = (_whole(given, field, 0, MOST_ORDER) for field in ("na", "nb", "nk"))
+    offset = _flag(given, "offset")
     if kind == "TransferFunction":
-        offset = given.get("offset") is True
         return TransferFunction(na, nb, nk, data.inputs, data.outputs, offset=offset)
+    if kind not in ("ContinuousTransferFunction", "PolynomialNARX"):
+        raise ModelError(f"structure: found {kind!r:.80}, expected a structure of the list")
+    for field, found, least in (("nk", nk, 0), ("offset", offset, False)):
+        if found != least:
+            raise ModelError(f"{field}: found {found}, expected {least}: {kind} has none here")
+    if nb == 0:
+        raise ModelError(f"nb: found 0, expected at least 1 for {kind}")
     if kind == "ContinuousTransferFunction":
-        return ContinuousTransferFunction(na, max(nb - 1, 0))
-    if kind == "PolynomialNARX":
-        family = family_of(kind)
-        assert family is not None
-        return family(na, max(nb, 1), data.inputs, data.outputs)
-    raise ModelError(f"structure: found {kind!r:.80}, expected a structure of the list")
+        return ContinuousTransferFunction(na, nb - 1)
+    family = family_of(kind)
+    assert family is not None
+    signals = len(family(na, 1, data.inputs, data.outputs).parameters) // data.outputs - 1
+    count = comb(signals + nb, nb) * data.outputs
+    if count > MOST_PARAMETERS:
+        raise ModelError(
+            f"na, nb: found order {na} and degree {nb}, which make {count} parameters, expected at "
+            f"most {MOST_PARAMETERS}"
+        )
+    return family(na, nb, data.inputs, data.outputs)
 
 
 # ---- the work -----------------------------------------------------------------------------------
@@ -164,6 +235,7 @@ def work(form: Form, folder: str) -> dict[str, Any]:
         ``status``, ``sections`` (titles with HTML or SVG), ``files`` (names for download).
     """
     report = _Report(Path(folder), len(form.model.parameters))
+    report.add("What was asked", _table(form.asked()))
     report.stage("consistency")
     limit = Options(time_limit=max(form.seconds / 4, 1.0), progress=False)
     priors = [Stable()] if form.stable else []
@@ -176,9 +248,11 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     )
     report.add("Intervals", _html(result))
     report.stage("files")
-    report.file("report.txt", lambda: result.summary())
+    asked = "".join(f"{name}: {value}\n" for name, value in form.asked())
+    report.file("report.txt", lambda: f"{asked}\n{result.summary()}")
     report.file("result.json", lambda: result.to_json())
-    report.file("certificate.json", lambda: json.dumps(certificate_files(result)))
+    report.file("certificate.json", lambda: certificate_text(result))
+    report.file("record.csv", lambda: _samples(form.record))
     if not result.empty:
         _pictures(report, form, result)
     return {"status": str(result.status), "sections": report.sections, "files": report.files}
@@ -186,6 +260,21 @@ def work(form: Form, folder: str) -> dict[str, Any]:
 
 def _html(found: Consistency | Identification) -> str:
     return found._repr_html_()
+
+
+def _table(rows: list[tuple[str, str]]) -> str:
+    cells = (f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in rows)
+    return f"<table>{''.join(cells)}</table>"
+
+
+def _samples(data: IOData) -> str:
+    """Write the samples that were used as a table, with all digits."""
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow([*data.input_names, *data.output_names])
+    for row in np.hstack([data.u, data.y]).tolist():
+        table.writerow(["" if np.isnan(value) else repr(value) for value in row])
+    return out.getvalue()
 
 
 def _pictures(report: _Report, form: Form, result: Identification) -> None:
@@ -222,7 +311,7 @@ class _Report:
         self._write({"settled": sum(self._settled.values()), "ends": self._parameters})
 
     def _write(self, more: dict[str, int]) -> None:
-        state = {"stage": self._stage, **more, "sections": self.sections}
+        state = {"stage": self._stage, **more, "sections": self.sections, "files": self.files}
         write_text(self._folder / "progress.json", json.dumps(state))
 
     def add(self, title: str, content: str) -> None:
@@ -233,8 +322,8 @@ class _Report:
         """Write a file for download, if this result has one."""
         try:
             write_text(self._folder / name, make())
-        except SetidError as error:  # such as structures without a certificate file
-            self.add(name, f"<p>{_plain(error)}</p>")
+        except _ERRORS as error:  # such as structures without a certificate file
+            self.add(name, f"<p>{escape(str(error))}</p>")
         else:
             self.files.append(name)
 
@@ -251,13 +340,7 @@ class _Report:
             axes.get_figure(root=True).savefig(out, format="svg", bbox_inches="tight")
             svg = out.getvalue()
             self.add(title, svg[svg.index("<svg") :])
-        except (SetidError, ValueError) as error:
-            self.add(title, f"<p>{_plain(error)}</p>")
+        except _ERRORS as error:
+            self.add(title, f"<p>{escape(str(error))}</p>")
         finally:
             pyplot.close("all")
-
-
-def _plain(error: Exception) -> str:
-    from html import escape
-
-    return escape(str(error))

@@ -21,6 +21,7 @@ from sparsepop_py.verified.arithmetic.array_checks import frozen
 __all__ = ["InUnits", "in_units"]
 
 Reals = NDArray[np.float64]
+_MOST_POWER = 1023  # of two, among doubles
 _COARSE = 16  # records in ordinary units stay as they are
 _SMALL, _LARGE = 1e-290, 1e290  # beyond this, products of units might be rounded
 
@@ -108,7 +109,7 @@ def _balanced(polynomial: Polynomial) -> tuple[Polynomial, float]:
     if not polynomial.terms:
         return polynomial, 1.0
     size = np.frexp(np.abs(polynomial.coefficients).max())[1]
-    power = _COARSE * round(float(size) / _COARSE)
+    power = min(_COARSE * round(float(size) / _COARSE), _MOST_POWER)
     return _with(polynomial, np.ldexp(polynomial.coefficients, -power)), math.ldexp(1.0, power)
 
 

@@ -181,3 +181,13 @@ def test_subnormal_signals_keep_the_units_in_which_they_are_exact() -> None:
     assert -0.5 in result.intervals["a1"] and 2.0**-1018 in result.intervals["b0"]
     known = setid.formulate(setid.IOData(u, y), FIRST, noise)
     assert np.all(in_units(known.problem, known).units == 1.0)
+
+
+@pytest.mark.parametrize("bound", [1e307, 1e308])
+def test_bounds_near_the_largest_double_have_units(bound: float) -> None:
+    """Rows are divided by powers of two that are doubles themselves."""
+    data = setid.IOData([4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875])
+    result = setid.identify(data, FIRST, setid.Noise(equation=bound), options=QUICK)
+    found = in_units(result.problem, result.formulation)
+    assert np.all(np.isfinite(found.units)) and 0 < found.factor < np.inf
+    assert setid.Identification.from_json(result.to_json()).status == result.status

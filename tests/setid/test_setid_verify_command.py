@@ -79,6 +79,19 @@ def test_the_table_of_json_is_told_from_a_certificate(
         assert "what --json writes" in told and "identify --certificate" in told
 
 
+def test_a_certificate_without_the_result_is_named(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = files[1]
+    found = json.loads(out.read_text())
+    del found["result"]
+    out.write_text(json.dumps(found))
+    assert main(["verify", str(out)]) == 2
+    assert "found no part 'result', expected what `setid identify --certificate` writes" in (
+        capsys.readouterr().err
+    )
+
+
 def test_another_record_is_refused(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

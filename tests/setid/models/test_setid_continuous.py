@@ -7,6 +7,9 @@ s = 2 (z - 1) / (T (z + 1)) by hand); higher orders are expanded by sympy.
 
 from __future__ import annotations
 
+import re
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import sympy
@@ -209,3 +212,32 @@ C = setid.ContinuousTransferFunction
 def test_what_does_not_fit_is_refused(wrong: object, message: str) -> None:
     with pytest.raises(setid.ModelError, match=message):
         wrong()
+
+
+@pytest.mark.parametrize(
+    ("interval", "n", "fits"),
+    [
+        (5e-324, 1, False),  # half of it is 0
+        (1e-308, 1, False),
+        (1e-200, 2, False),
+        (1e300, 3, False),
+        (1e-280, 1, True),
+        (1e-9, 8, True),
+        (1e30, 8, True),
+    ],
+)
+def test_intervals_whose_powers_leave_the_range_of_doubles_are_refused(
+    interval: float, n: int, fits: bool
+) -> None:
+    """Rounding is relative only within it: at 5e-324 a consistent record was proved empty."""
+    model = setid.ContinuousTransferFunction(n, 0, Ts=interval)
+    if fits:
+        weights = model.operator(0)
+        assert np.all(weights > 0)
+        first = Fraction(interval) ** n / 2**n  # Tustin's rule: (interval / 2)^n (1 + q^-1)^n
+        assert abs(Fraction(weights[0]) / first - 1) <= Fraction(1, 2**48)
+    else:
+        with pytest.raises(
+            setid.ModelError, match=re.escape(f"Ts: found {interval!r}, whose powers")
+        ):
+            model.operator(0)

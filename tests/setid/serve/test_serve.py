@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -21,6 +24,7 @@ import setid
 from setid.cli import main
 from setid.serve import server
 from setid.serve.server import Jobs, make_app
+from setid.serve.work import Form, _Report, read_form
 from sparsepop_py.executors.processes import Processes
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -85,10 +89,11 @@ def test_a_record_gives_proved_intervals_and_files(client: Any) -> None:
     done = ended(client, job)
     assert (done["state"], done["status"]) == ("done", "certified"), done
     titles = [part["title"] for part in done["sections"]]
-    assert titles[:2] == ["Do the noise bounds explain the record?", "Intervals"]
-    assert "1.91666" in done["sections"][1]["html"]
+    asked = ["What was asked", "Do the noise bounds explain the record?", "Intervals"]
+    assert titles[:3] == asked
+    assert "1.91666" in done["sections"][2]["html"]
     assert sum(part["html"].startswith("<svg") for part in done["sections"]) >= 2
-    assert done["files"] == ["report.txt", "result.json", "certificate.json"]
+    assert done["files"] == ["report.txt", "result.json", "certificate.json", "record.csv"]
     files = {
         name: client.get(f"/jobs/{job}/{name}", base_url="http://127.0.0.1")
         for name in done["files"]
@@ -105,7 +110,7 @@ def test_a_table_with_decimal_commas_says_the_same(client: Any) -> None:
     assert (sent["columns"], sent["samples"]) == (["u", "y"], 4)
     given = {**FORM, "record": sent["record"]}
     job = client.post("/jobs", json=given, headers=CHANGE, base_url=local).json["job"]
-    assert "1.91666" in ended(client, job)["sections"][1]["html"]
+    assert "1.91666" in ended(client, job)["sections"][2]["html"]
     wrong = client.post("/records?decimal=%3B", data=RECORD, headers=CHANGE, base_url=local)
     assert wrong.status_code == 400 and wrong.json["error"].startswith("decimal: found ';'")
 
@@ -121,6 +126,78 @@ def test_validation_uses_the_rest_of_the_file(client: Any) -> None:
     assert "Validation on the rest of the file, prediction" in [
         part["title"] for part in done["sections"]
     ]
+
+
+def test_page_and_report_say_what_the_intervals_are_about(client: Any) -> None:
+    """Of a part of the file, whose samples come along: they are what files are checked against."""
+    job = start(client, samples=3, file="<b>mine</b>.csv", Ts=0.1).json["job"]
+    done = ended(client, job)
+    assert done["state"] == "done", done
+    section = done["sections"][0]["html"]
+    assert "3 of 4, every 0.1" in section and "equation 0.5, output 0.0, input 0.0" in section
+    assert "&lt;b&gt;mine&lt;/b&gt;.csv" in section and "<b>" not in section
+    local = {"base_url": "http://127.0.0.1"}
+    files = {name: client.get(f"/jobs/{job}/{name}", **local).text for name in done["files"]}
+    assert "samples: 3 of 4, every 0.1\n" in files["report.txt"]
+    assert files["record.csv"] == "u,y\n4.0,0.0\n-3.0,-6.25\n2.0,1.175\n"
+
+
+@pytest.mark.parametrize("name", ["result.json", "certificate.json"])
+def test_files_are_proved_again_against_the_samples_that_come_along(
+    client: Any, tmp_path: Path, name: str
+) -> None:
+    job = start(client, samples=3).json["job"]
+    for file in ended(client, job)["files"]:
+        content = client.get(f"/jobs/{job}/{file}", base_url="http://127.0.0.1").data
+        (tmp_path / file).write_bytes(content)
+    paths = [str(tmp_path / file) for file in ("record.csv", name)]
+    assert main(["verify", "--record", *paths]) == 0
+    if name == "certificate.json":
+        check = [sys.executable, str(ROOT / "checker/check.py"), "--record", *paths]
+        assert subprocess.run(check, check=False).returncode == 0
+
+
+def test_missing_samples_stay_missing_in_the_samples_that_come_along(client: Any) -> None:
+    name = send(client, b"u,y\n4,0\n-3,\n2,1.175\n1,2.0875\n0.1,0.3\n").json["record"]
+    given = {**FORM, "record": name}
+    job = client.post("/jobs", json=given, headers=CHANGE, base_url="http://127.0.0.1").json["job"]
+    assert "record.csv" in ended(client, job)["files"]
+    content = client.get(f"/jobs/{job}/record.csv", base_url="http://127.0.0.1").text
+    assert content.splitlines()[1:3] == ["4.0,0.0", "-3.0,"]
+
+
+def test_files_of_a_job_that_is_stopped_are_listed(jobs: Jobs, tmp_path: Path) -> None:
+    """They are there from the moment on that they are written."""
+    form = read_form_of(tmp_path)
+    report = _Report(tmp_path, 2)
+    report.file("report.txt", form.model.__repr__)
+    report.stage("pictures")
+    stored = json.loads((tmp_path / "progress.json").read_text())
+    assert stored["files"] == ["report.txt"]
+
+
+def read_form_of(folder: Path, **fields: Any) -> Form:
+    path = folder / "sent.csv"
+    path.write_bytes(RECORD)
+    return read_form(path, {**FORM, **fields})
+
+
+def test_what_cannot_be_written_is_said_and_the_rest_is_kept(tmp_path: Path) -> None:
+    report = _Report(tmp_path, 2)
+
+    def fails() -> str:
+        raise OverflowError("math range error")
+
+    report.file("report.txt", fails)
+    report.file("result.json", lambda: "{}")
+    assert report.files == ["result.json"]
+    assert report.sections == [{"title": "report.txt", "html": "<p>math range error</p>"}]
+
+
+@pytest.mark.parametrize("bound", [1e307, 1e308])
+def test_huge_bounds_give_files_as_well(client: Any, bound: float) -> None:
+    done = ended(client, start(client, equation=bound).json["job"])
+    assert done["state"] == "done" and "certificate.json" in done["files"], done
 
 
 def test_an_empty_set_is_an_answer(client: Any) -> None:
@@ -182,7 +259,23 @@ def test_large_files_are_refused(client: Any, monkeypatch: pytest.MonkeyPatch) -
         ({"na": 99}, "expected an integer from 0 to 20"),
         ({"nb": 0}, "nb"),
         ({"equation": 0}, "found no bound above 0"),
-        ({"equation": -1}, "equation"),
+        ({"equation": -1}, "equation: found -1, expected a finite noise bound >= 0"),
+        ({"output": -(10**400)}, "output: found -1"),
+        ({"input": None}, "input: found None, expected a finite noise bound >= 0"),
+        ({"equation": "1"}, "equation: found '1', expected a finite noise bound >= 0"),
+        ({"offset": "true"}, "offset: found 'true', expected true or false"),
+        ({"stable": 1}, "stable: found 1, expected true or false"),
+        ({"structure": "PolynomialNARX", "nk": 2}, "nk: found 2, expected 0"),
+        ({"structure": "PolynomialNARX", "nb": 0}, "nb: found 0, expected at least 1"),
+        ({"structure": "PolynomialNARX", "stable": True}, "stable: found true, expected false"),
+        (
+            {"structure": "PolynomialNARX", "na": 5, "nb": 4},  # C(11 + 4, 4) monomials
+            "order 5 and degree 4, which make 1365 parameters, expected at most 300",
+        ),
+        ({"structure": "PolynomialNARX", "na": 20, "nb": 20}, "expected at most 300"),
+        ({"structure": "ContinuousTransferFunction", "offset": True}, "offset: found True"),
+        ({"structure": "ContinuousTransferFunction", "nk": 1}, "nk: found 1, expected 0"),
+        ({"structure": "ContinuousTransferFunction", "nb": 0}, "nb: found 0, expected at least 1"),
         ({"samples": 10**9}, "samples: found"),
         ({"structure": "os.system"}, "structure: found"),
         ({"seconds": 0}, "seconds: found 0"),
@@ -207,6 +300,60 @@ def test_a_job_that_is_stopped_before_it_begins_says_so(tmp_path: Path) -> None:
     job = server._Job(tmp_path, Processes(1), future)
     job.stop()
     assert job.state()["state"] == "stopped"
+
+
+@pytest.mark.parametrize("body", ["[" * 100_000, '{"a":' * 5000 + "1" + "}" * 5000, "[1]", ""])
+def test_bodies_that_are_no_form_are_wrong_input(client: Any, body: str) -> None:
+    headers = {**CHANGE, "Content-Type": "application/json"}
+    found = client.post("/jobs", data=body, headers=headers, base_url="http://127.0.0.1")
+    assert found.status_code == 400
+    assert found.json["error"] == "request: expected a JSON object"
+
+
+def test_a_table_without_a_length_is_refused(client: Any) -> None:
+    """Of a body in chunks the rest beyond the limit would be left out without a word."""
+    found = client.post(
+        "/records",
+        input_stream=io.BytesIO(RECORD),
+        headers={**CHANGE, "Transfer-Encoding": "chunked"},
+        base_url="http://127.0.0.1",
+    )
+    assert found.status_code == 411
+    assert found.json["error"].startswith("record: found no Content-Length")
+
+
+def test_long_records_are_refused_where_they_are_sent(client: Any) -> None:
+    found = send(client, b"u,y\n" + b"1,2\n2,1\n1,1\n" * 6_667)
+    assert found.json["error"] == "record: found 20001 samples, expected at most 20000"
+
+
+def test_defects_of_the_server_are_said_and_logged(
+    client: Any, jobs: Jobs, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(jobs, "job", lambda name: 1 / 0)
+    found = client.get("/jobs/1", base_url="http://127.0.0.1")
+    assert found.status_code == 500 and "please report" in found.json["error"]
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert client.put("/", headers=CHANGE, base_url="http://127.0.0.1").json["error"]
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_files_are_deleted_however_the_server_is_told_to_end(name: str, tmp_path: Path) -> None:
+    number = getattr(signal, name, None)
+    if number is None:
+        pytest.skip("not on this system")
+    call = [sys.executable, "-m", "setid.cli", "serve", "--port", "0", "--no-browser"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert list(tmp_path.glob("setid-*"))
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert not list(tmp_path.glob("setid-*"))
+    finally:
+        process.kill()
 
 
 def test_other_hosts_and_sites_are_refused(client: Any) -> None:
