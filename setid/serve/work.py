@@ -68,13 +68,13 @@ class Form:
     file: str
 
     def asked(self) -> list[tuple[str, str]]:
-        """List what the answers are about, with all digits."""
+        """List what the answers are about, with all digits, a line each."""
         data, whole = self.record, self.record.samples
         if self.validation is not None:
             whole += self.validation.samples
         channels = f"{', '.join(data.input_names)} -> {', '.join(data.output_names)}"
         bounds = {kind: getattr(self.noise, kind) for kind in ("equation", "output", "input")}
-        return [
+        rows = [
             ("file", self.file),
             ("samples", f"{data.samples} of {whole}, every {data.Ts!r}"),
             ("inputs and outputs", channels),
@@ -83,6 +83,7 @@ class Form:
             ("stable", "assumed" if self.stable else "not assumed"),
             ("time limit", f"{self.seconds:g} s"),
         ]
+        return [(name, text if text.isprintable() else repr(text)) for name, text in rows]
 
 
 def check_samples(data: IOData) -> None:

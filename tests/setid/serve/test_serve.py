@@ -176,6 +176,11 @@ def test_files_of_a_job_that_is_stopped_are_listed(jobs: Jobs, tmp_path: Path) -
     assert stored["files"] == ["report.txt"]
 
 
+def test_names_of_files_are_no_lines_of_their_own(tmp_path: Path) -> None:
+    asked = dict(read_form_of(tmp_path, file="mine\nproved: everything").asked())
+    assert asked["file"] == repr("mine\nproved: everything")
+
+
 def read_form_of(folder: Path, **fields: Any) -> Form:
     path = folder / "sent.csv"
     path.write_bytes(RECORD)
