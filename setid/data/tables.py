@@ -316,7 +316,7 @@ def _samples(
                 if _value(fields[place], mark) is None:
                     hint = _HEADER if not any(map(_is_number, fields)) and row == 0 else ""
                 raise DataError(
-                    f"{path}, line {number}, column {place}: found {fields[place]!r}, "
+                    f"{path}, line {number}, column {place}: found {_quoted(fields[place])}, "
                     f"expected a number{hint}"
                 )
             if np.isinf(value):

@@ -11,6 +11,7 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -360,13 +361,15 @@ def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> 
     jobs = Jobs(Path(tempfile.mkdtemp(prefix="setid-")))
     if threading.current_thread() is threading.main_thread():
         for name in ("SIGTERM", "SIGHUP"):  # so that the files are deleted then, too
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), signal.default_int_handler)
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+                signal.signal(number, signal.default_int_handler)
     try:
         server = make_server("127.0.0.1", port, make_app(jobs), threaded=True)
-        if on_start is not None:
-            on_start(f"http://127.0.0.1:{server.server_port}/")
-        server.serve_forever()
+        with closing(server.socket):
+            if on_start is not None:
+                on_start(f"http://127.0.0.1:{server.server_port}/")
+            server.serve_forever()
     except KeyboardInterrupt:
         pass
     finally:

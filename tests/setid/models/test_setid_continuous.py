@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 import sympy
@@ -241,3 +242,30 @@ def test_intervals_whose_powers_leave_the_range_of_doubles_are_refused(
             setid.ModelError, match=re.escape(f"Ts: found {interval!r}, whose powers")
         ):
             model.operator(0)
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1e-5, 9e-4, 1.1e-3, 0.03, 2.0])
+def test_the_first_weight_of_lambda_to_high_precision(ratio: float) -> None:
+    """tau (1 - e) / e with e = (1 - exp(-x)) / x, by mpmath with 60 digits."""
+    step, tau = 0.25, 0.25 / ratio
+    model = setid.ContinuousTransferFunction(1, 0, method="lambda", tau=tau, Ts=step)
+    with mpmath.workdps(60):
+        e = -mpmath.expm1(-mpmath.mpf(step) / tau) / (mpmath.mpf(step) / tau)
+        weight = float(tau * (1 - e) / e)
+    first, second = model.operator(0)
+    np.testing.assert_allclose([first, second], [weight, step - weight], rtol=1e-11)
+
+
+@pytest.mark.parametrize(("n", "method"), [(1, "tustin"), (2, "tustin"), (3, "lambda")])
+def test_the_row_of_an_offset_holds_at_rest(n: int, method: str) -> None:
+    """At rest a0 y = c, by hand: derivatives vanish."""
+    tau = 0.7 if method == "lambda" else None
+    model = setid.ContinuousTransferFunction(n, 0, method, tau=tau, Ts=T, offset=True)
+    found = dict.fromkeys(("", *model.parameters), 0.0)
+    for term in model.equations()[0].terms:
+        if not term.signals or term.signals[0].signal == "y1":
+            found["".join(term.parameters)] += term.coefficient
+    assert found["a0"] > 0
+    np.testing.assert_allclose([found["a0"], found["c"]], [T**n, -(T**n)], rtol=1e-12)
+    others = [value for name, value in found.items() if name not in ("a0", "c")]
+    np.testing.assert_allclose(others, 0.0, atol=1e-14)

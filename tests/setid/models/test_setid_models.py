@@ -196,3 +196,18 @@ def test_structures_that_no_machine_holds_are_refused(
 ) -> None:
     with pytest.raises(setid.ModelError, match=f"{re.escape(field)}: found "):
         make()
+
+
+def test_an_offset_is_added_to_the_output_where_denominators_are_multiplied() -> None:
+    """At rest, by hand: y = b1 / (1 + a1) u1 + b2 / (1 + a2) u2 + c."""
+    model = setid.TransferFunction(1, 1, 1, inputs=2, offset=True, form="multiplied")
+    values = dict(zip(model.parameters, (-0.5, 0.25, 2.0, 3.0, 7.0), strict=True))
+    signals = {"u1": 1.5, "u2": -2.0, "y1": 2.0 / 0.5 * 1.5 + 3.0 / 1.25 * -2.0 + 7.0}
+    (equation,) = model.equations()
+    left = sum(
+        term.coefficient
+        * np.prod([values[name] for name in term.parameters])
+        * np.prod([signals[lagged.signal] for lagged in term.signals])
+        for term in equation.terms
+    )
+    assert abs(left) < 1e-12
