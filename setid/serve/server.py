@@ -339,7 +339,7 @@ def _own(name: str) -> str:
 
 
 def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> None:
-    """Serve the page on 127.0.0.1 until Ctrl-C, or until the process is told to end.
+    """Serve the page on 127.0.0.1 until Ctrl-C, SIGTERM or SIGHUP.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_box import tighten_for_all
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.strategy.turns import Turn, TurnsApart, search_from, search_from_apart
-from sparsepop_py.strategy.working_set import WorkingSetSearch, suits
+from sparsepop_py.strategy.working_set import WorkingSetSearch, suits, takes_long
 from sparsepop_py.tightening.mccormick import coordinate_of
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -155,8 +155,8 @@ class MultiObjectiveSearch:
             )
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
         if self.searches and suits(self.searches[0]):
-            costs = CostModel()
-            self.working_sets = [WorkingSetSearch(auto, costs) for auto in self.searches]
+            costs, long = CostModel(), takes_long(self.searches[0])
+            self.working_sets = [WorkingSetSearch(auto, costs, long) for auto in self.searches]
 
     def _first_points(self) -> None:
         """Run local searches from the first start that leads to a point."""
@@ -214,8 +214,9 @@ class MultiObjectiveSearch:
             self.points.append(auto.context.best)
         self._share_points(self.points[known:])
         self._quote(index)
-        near = auto.left <= STRATEGY.tight and len(auto.history) == 1  # what others prove may do
-        if not (auto.over or near):
+        # a gap that one step has nearly closed may be closed by what others prove
+        nearly = auto.left <= STRATEGY.tight and len(auto.history) == 1
+        if not (auto.over or nearly):
             self._tighten()
         auto.context.report(auto.bound)
 

@@ -90,8 +90,8 @@ class StrategySettings:
     working_set : int
         Constraints from which an objective is bounded on a working set of them.
     most_working, most_of_few : float
-        Share of the constraints in a working set, at most: where the star of all is long, and where
-        constraints are fewer.
+        Share of the constraints in a working set, at most: where the star of all takes long, and
+        where it does not.
     binding, missing : float
         Share of the largest price: constraints with less are left out of a working set at first,
         and later of those that join it.

@@ -41,7 +41,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["WorkingSetSearch", "suits"]
+__all__ = ["WorkingSetSearch", "suits", "takes_long"]
 
 _NO_PRICE = 1e-9
 _FIRST = "first step"  # of each objective on its set, in the record of the sets
@@ -61,9 +61,16 @@ def suits(search: AdaptiveSearch) -> bool:
         return False
     if any(c.entries for c in problem.constraints):
         return False
-    seconds = _star_seconds(search)
-    costly = seconds >= STRATEGY.costly_row * len(problem.constraints)
-    return seconds >= STRATEGY.long_star or (costly and seconds >= STRATEGY.medium_star)
+    costly = _star_seconds(search) >= STRATEGY.costly_row * len(problem.constraints)
+    return takes_long(search) or (costly and _star_seconds(search) >= STRATEGY.medium_star)
+
+
+def takes_long(search: AdaptiveSearch) -> bool:
+    """Check that the star relaxation of all constraints is expected to take long.
+
+    To be asked before relaxations are solved: measured seconds replace expected ones.
+    """
+    return _star_seconds(search) >= STRATEGY.long_star
 
 
 def _star_seconds(search: AdaptiveSearch) -> float:
@@ -82,6 +89,8 @@ class WorkingSetSearch:
         The search on all constraints: it gets what is proved, incumbents and history.
     costs : CostModel
         Seconds and progress of relaxations on working sets: they are far smaller than the whole.
+    long : bool
+        Whether the star of all constraints was expected to take long before any was solved.
     done : bool
         Whether the whole search has to go on.
     spent : float
@@ -98,6 +107,7 @@ class WorkingSetSearch:
 
     whole: AdaptiveSearch
     costs: CostModel
+    long: bool = True
     done: bool = False
     spent: float = 0.0
     judged: int = 0
@@ -166,11 +176,6 @@ class WorkingSetSearch:
     # ---- the set ------------------------------------------------------------------------------
 
     @cached_property
-    def _long(self) -> bool:
-        """Check whether the star of all constraints takes long."""
-        return _star_seconds(self.whole) >= STRATEGY.long_star
-
-    @cached_property
     def _held(self) -> NDArray[np.int64]:
         """The complicating variables."""
         return np.array(self.whole.shared_state.products.complicating, np.int64)
@@ -220,12 +225,12 @@ class WorkingSetSearch:
     @property
     def _in_vain(self) -> bool:
         """Check that other sets gained little, where the star of all is short."""
-        return not self._long and self.costs.progress.get(_FIRST, 1.0) < STRATEGY.worth_set
+        return not self.long and self.costs.progress.get(_FIRST, 1.0) < STRATEGY.worth_set
 
     def _set(self, rows: NDArray[np.int64]) -> bool:
         """Check that a working set is neither empty nor large, and take it."""
         total = len(self.whole.context.problem.constraints)
-        most = STRATEGY.most_working if self._long else STRATEGY.most_of_few
+        most = STRATEGY.most_working if self.long else STRATEGY.most_of_few
         if not 0 < rows.size <= most * total:
             return False
         if self.search is not None and self.small is not None:
@@ -357,7 +362,8 @@ class WorkingSetSearch:
         These are estimated once for all sets, but not for long records: that would take longer.
         What does not fit in memory there is not tried here.
         """
-        if self._long or self.small is None:
+        assert self.small is not None
+        if self.long:
             return {}
         for spec in specs:
             self.whole.queue.seconds(spec)

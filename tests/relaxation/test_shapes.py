@@ -8,6 +8,7 @@ McCormick's envelopes by linprog and grids.
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
 from sparsepop_py.problem.generators import stacked
 from sparsepop_py.relaxation import hierarchy
-from sparsepop_py.relaxation.shapes import Products, mixed_sizes, shaped_blocks
+from sparsepop_py.relaxation.shapes import Products, _Codes, mixed_sizes, shaped_blocks
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
@@ -436,3 +437,20 @@ def test_dense_quadratics_are_too_large_without_being_built(monkeypatch):
     families = hierarchy.Families(problem, (problem.objective,), True, "auto")
     spec = hierarchy.RelaxationSpec("mixed", 0.8, "mixed", memory=5e9)
     assert spec.seconds(scaled, families) == INF
+
+
+def test_codes_of_monomials_are_distinct_and_those_of_products_are_sums():
+    """All monomials of degree 6 at most in four variables, against their sorted letters."""
+    codes = _Codes(6)
+    words = [w for d in range(7) for w in itertools.combinations_with_replacement((7, 2, 9, 4), d)]
+    assert len({codes.of(word) for word in words}) == math.comb(4 + 6, 6)
+    for left, right in itertools.product(words[:35], repeat=2):  # of degree 3 at most
+        assert codes.of(left) + codes.of(right) == codes.of(tuple(sorted(left + right)))
+
+
+def test_mixed_blocks_make_no_moments_beyond_those_of_their_bases():
+    """Squares in the basis and in a row: x^2 x^2 x^2 is no product of two monomials of it."""
+    x, y = sp.variables(2)
+    problem = Problem(x**2 + x * y + y**2, [1 - x**2 - y >= 0], lower=-1, upper=1)
+    made = relax(problem, cliques=find_cliques(problem), products=True, shape="mixed")
+    assert max(np.count_nonzero(made.moments, axis=1)) == 4

@@ -172,24 +172,21 @@ def test_sets_are_worth_it_where_constraints_are_costly(seconds, samples, worth,
 
 
 @pytest.mark.parametrize(
-    ("seconds", "gained", "used"),
+    ("long", "gained", "used"),
     [
-        (1.0, (0.2,), False),
-        (1.0, (0.8,), True),
-        (1.0, (0.8, 0.2), False),  # .56 in the mean: what is new counts most
-        (1.0, (), True),  # the first objective
-        (3.0, (0.2,), True),  # the star of all is long
+        (False, (0.2,), False),
+        (False, (0.8,), True),
+        (False, (0.8, 0.2), False),  # .56 in the mean: what is new counts most
+        (False, (), True),  # the first objective
+        (True, (0.2,), True),
     ],
 )
-def test_sets_that_gain_little_leave_other_objectives_to_the_whole(
-    seconds, gained, used, monkeypatch
-):
+def test_sets_that_gain_little_leave_other_objectives_to_the_whole(long, gained, used, monkeypatch):
     monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
-    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
     costs = CostModel()
     for progress in gained:
         costs.learn("first step", progress, 0.1, goes_on=True)
-    own = WorkingSetSearch(whole_search(), costs)
+    own = WorkingSetSearch(whole_search(), costs, long)
     assert own.step() is used
     assert own.done is not used
 
@@ -294,32 +291,46 @@ def test_the_tree_of_another_set_is_judged_from_its_first_node(monkeypatch):
     problem = problem_of(*record())
     own = with_tree(0, 50.0, SimpleNamespace(context=SimpleNamespace(problem=problem)))
     monkeypatch.setattr(WorkingSetSearch, "_held", np.array([0, 1]))
-    monkeypatch.setattr(WorkingSetSearch, "_long", True)
     own.judged = 9
     assert own._set(np.arange(5, 15))
     own.search = with_tree(1, 40.0).search
     assert own._slow(50.0)
 
 
-@pytest.mark.parametrize(("seconds", "most"), [(1.0, 64), (3.0, 48)])
-def test_sets_may_be_larger_where_the_star_of_all_is_not_long(seconds, most, monkeypatch):
+@pytest.mark.parametrize(("long", "most"), [(False, 64), (True, 48)])
+def test_sets_may_be_larger_where_the_star_of_all_is_not_long(long, most, monkeypatch):
     monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
-    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
-    own = WorkingSetSearch(search_on(problem_of(*record())), CostModel())
+    own = WorkingSetSearch(search_on(problem_of(*record())), CostModel(), long)
     assert own._set(np.arange(most)) and not own._set(np.arange(most + 1))
 
 
-@pytest.mark.parametrize("seconds", [1.0, 3.0])
-def test_seconds_on_a_set_are_a_share_of_those_on_all(seconds, monkeypatch):
+@pytest.mark.parametrize("long", [False, True])
+def test_seconds_on_a_set_are_a_share_of_those_on_all(long, monkeypatch):
     monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
-    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
-    own = WorkingSetSearch(whole_search(), CostModel())
+    own = WorkingSetSearch(whole_search(), CostModel(), long)
     assert own._set(np.arange(10, 50))  # 40 of 80
     own._begin()
     assert own.search is not None
     found, whole = own.search.shared_state.estimates, own.whole.shared_state.estimates
-    assert found == ({} if seconds == 3.0 else {name: 0.5 * whole[name] for name in found})
-    assert ("star" in found) is (seconds == 1.0)
+    assert found == ({} if long else {name: 0.5 * whole[name] for name in found})
+    assert ("star" in found) is not long
+
+
+@pytest.mark.parametrize(("seconds", "long"), [(1.0, False), (3.0, True)])
+def test_what_is_long_is_decided_before_anything_is_measured(seconds, long, monkeypatch):
+    """A star of a long record that took little does not make the record short."""
+    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
+    made, own = [], WorkingSetSearch.__init__
+    monkeypatch.setattr(
+        WorkingSetSearch,
+        "__init__",
+        lambda self, *given: made.append(given[2]) or own(self, *given),
+    )
+    problem = problem_of(*record())
+    x = sp.variables(problem.dimension)
+    sp.solve_each(problem, [x[0], -x[0]], WIDTH)
+    assert made == [long, long]
 
 
 def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypatch):

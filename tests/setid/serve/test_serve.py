@@ -342,11 +342,14 @@ sys.exit(main(["serve", "--port", "0", "--no-browser"]))
 """
 
 
+POSIX = pytest.mark.skipif(
+    sys.platform == "win32", reason="Windows ends a process without asking it, and has no SIGHUP"
+)
+
+
+@POSIX
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_files_are_deleted_however_the_server_is_told_to_end(name: str, tmp_path: Path) -> None:
-    number = getattr(signal, name, None)
-    if number is None:
-        pytest.skip("not on this system")
     call = [sys.executable, "-c", SERVED.format(reset=[name])]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True, env=environment)
@@ -354,14 +357,14 @@ def test_files_are_deleted_however_the_server_is_told_to_end(name: str, tmp_path
         assert process.stdout is not None
         process.stdout.readline()
         assert list(tmp_path.glob("setid-*"))
-        process.send_signal(number)
+        process.send_signal(getattr(signal, name))
         process.communicate(timeout=60)
         assert not list(tmp_path.glob("setid-*"))
     finally:
         process.kill()
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="not on this system")
+@POSIX
 def test_signals_that_are_ignored_stay_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """As nohup asks: the server outlives its terminal."""
 
