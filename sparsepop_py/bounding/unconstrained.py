@@ -196,17 +196,18 @@ def _near_the_incumbent(
 ) -> tuple[SolveContext, CertifiedBound | None, bool]:
     """Certify what the incumbent tells of Gram matrices, and whether that is enough.
 
-    An exact one vanishes there. Where none is expected, those of the interior come first. A better
-    point is looked for before: local minimisers say little.
+    An exact one vanishes there. Where none is expected, those of the interior come first. Better
+    points are looked for before, as long as they are found: local minimisers say little.
     """
-    relaxation, old = model.relaxations[-1], context.best
-    exact = _at_the_incumbent(context, model)
-    if exact is not None or search is None or not _tends_to_no_exact_bound(context, relaxation):
-        return context, exact, exact is not None
-    context = search(context.upper - BOUNDING.far_incumbent * (1.0 + abs(context.upper)), None)
-    exact = _at_the_incumbent(context, model) if context.best is not old else None
-    if exact is not None or not _tends_to_no_exact_bound(context, relaxation):
-        return context, exact, exact is not None
+    relaxation, tried, aim = model.relaxations[-1], None, np.inf
+    while True:
+        exact = _at_the_incumbent(context, model) if context.best is not tried else None
+        if exact is not None or search is None or not _tends_to_no_exact_bound(context, relaxation):
+            return context, exact, exact is not None
+        if context.upper > aim:
+            break  # a search that finds nothing as good is the last one
+        tried, aim = context.best, context.upper - BOUNDING.far_incumbent * (1 + abs(context.upper))
+        context = search(aim, None)
     inside = _from_the_interior(context, model, scaled)
     bound = lower_bound(inside.certificate)
     if bound > -np.inf and not context.closed(bound):

@@ -8,6 +8,8 @@ from sparsepop_py import problems
 from sparsepop_py.bounding import unconstrained
 from sparsepop_py.bounding.gram_kernel import grams_with_kernel
 from sparsepop_py.bounding.gram_rounding import estimate, open_entries
+from sparsepop_py.local_search import multistart
+from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
 # least values at (1, ..., 1): Rosenbrock (1960); Colville (1968)
@@ -54,17 +56,37 @@ def test_open_entries_complete_the_objective():
     assert full.bound(f) == 0.0
 
 
-def test_no_program_is_solved_where_the_incumbent_is_the_minimiser(monkeypatch):
-    """Zeros of Broyden's function exist, and all but the ends are near irrational numbers."""
-
+@pytest.fixture()
+def no_program(monkeypatch):
     def refused(*_):
         raise AssertionError("a relaxation was solved")
 
     monkeypatch.setattr(unconstrained, "exact_grams", refused)
     monkeypatch.setattr(unconstrained, "solve_conic", refused)
+
+
+@pytest.mark.usefixtures("no_program")
+def test_no_program_is_solved_where_the_incumbent_is_the_minimiser():
+    """Zeros of Broyden's function exist, and all but the ends are near irrational numbers."""
     problem = sp.Problem(problems.broyden_tridiagonal(400).objective)
     result = sp.solve(problem)
     assert result.status is sp.Status.OPTIMAL
     assert result.lower_bound == 0.0 <= result.upper_bound <= 1e-6
     assert isinstance(result.certificate.root.argument, ExactGram)
+    assert result.certificate.verify(problem).ok
+
+
+@pytest.mark.usefixtures("no_program")
+def test_points_are_searched_on_while_each_is_far_better_than_the_last(monkeypatch):
+    """Those from 0 and from (1, ..., 1) are made to end poorly, so that three are needed."""
+    found = {0.0: 0.505, 1.0: 0.601, -1.0: -0.7}  # values 97, 30; the zero is near -0.7
+
+    def ends(problem, start, *_):
+        x = np.full(start.size, found[float(start[0])])
+        return x if start[0] >= 0.0 else local_search(problem, x)
+
+    monkeypatch.setattr(multistart, "local_search", ends)
+    problem = sp.Problem(problems.broyden_tridiagonal(400).objective)
+    result = sp.solve(problem)
+    assert result.lower_bound == 0.0 <= result.upper_bound <= 1e-6
     assert result.certificate.verify(problem).ok
