@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
@@ -37,8 +38,8 @@ Points = list[NDArray[np.float64]]
 def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     """Extract candidate minimisers from the moments of a relaxation.
 
-    Moment blocks without the constant say nothing of signs and are left out; a block with
-    the constant determines the variables that are among its monomials.
+    A moment block with the constant determines the variables that are among its monomials. The
+    others are those of :func:`means`.
 
     Parameters
     ----------
@@ -69,15 +70,72 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
             extracted = extract(stack, blocks[0].words)
             found += [(b.clique, b.members, p) for b, p in zip(blocks, extracted, strict=True)]
     found.sort(key=lambda entry: entry[0])
-    dimension = relaxation.problem.dimension
+    dimension, last = relaxation.problem.dimension, len(relaxation.cliques.members)
+    either, roots = _roots(relaxation, moments)
+    found.append((last, either, [roots]))
     return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
 
 
 def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the first moments, shape (n,), with 0 for a variable that is no moment."""
-    letters = np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
-    number = relaxation.moment_numbers(letters)
-    return np.where(number > 0, np.append(1.0, y)[np.maximum(number, 0)], 0.0)
+    """Return the first moments, or roots of second ones where minimisers come with both signs.
+
+    A relaxation that uses sign symmetries has no first moment of a variable whose sign is open.
+    There the root of the moment of its square is returned. Signs relative to each other are those
+    of the moments of products.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    y : (M,) float
+        Its moments.
+
+    Returns
+    -------
+    (n,) float
+        In the relaxation's variables; 0 for a variable of which no moment tells.
+    """
+    moments = np.append(1.0, y)
+    number = relaxation.moment_numbers(_letters(relaxation))
+    point = np.where(number > 0, moments[np.maximum(number, 0)], 0.0)
+    either, roots = _roots(relaxation, moments)
+    point[either] = roots
+    return point
+
+
+def _letters(relaxation: Relaxation) -> Words:
+    return np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
+
+
+def _roots(
+    relaxation: Relaxation, moments: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Variables without a first moment, and roots of their second ones with signs that agree.
+
+    Where a square is no moment either, that of a product is divided by its known factor.
+    """
+    letters, words = _letters(relaxation), monomials.widen(relaxation.moments, 2)
+    either = np.flatnonzero(relaxation.moment_numbers(letters) < 0)
+    number = relaxation.moment_numbers(np.repeat(letters[either], 2, axis=1))
+    known = either[number > 0]
+    point = np.zeros(letters.size)
+    point[known] = np.sqrt(np.maximum(moments[number[number > 0]], 0.0))
+    mixed = np.flatnonzero(monomials.degrees(words) == 2)
+    first, second = (words[mixed, k].astype(np.int64) - 1 for k in (-2, -1))
+    inside = np.isin(first, either) & np.isin(second, either) & (first != second)
+    value = moments[mixed[inside] + 1]
+    graph = nx.Graph()
+    graph.add_nodes_from(either.tolist())
+    ends = zip(first[inside].tolist(), second[inside].tolist(), value.tolist(), strict=True)
+    graph.add_edges_from((i, j, {"value": v, "size": abs(v)}) for i, j, v in ends)
+    forest = nx.maximum_spanning_tree(graph, weight="size")
+    for part in nx.connected_components(forest):
+        for near, far in nx.bfs_edges(forest, max(sorted(part), key=point.__getitem__)):
+            product = forest.edges[near, far]["value"]
+            if point[far]:
+                point[far] = np.copysign(point[far], product * point[near])
+            elif point[near]:
+                point[far] = product / point[near]
+    return either, point[either]
 
 
 class _Block(NamedTuple):

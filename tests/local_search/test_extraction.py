@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+import sparsepop_py as sp
 from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.local_search.extraction import combine, extract
+from sparsepop_py.local_search.extraction import candidates, combine, extract, means
 
 ATOMS = {
     (1, 1): [[0.3]],
@@ -128,3 +129,28 @@ def test_combine_of_consistent_cliques_of_a_long_chain():
     members = [(k, k + 1) for k in range(n - 1)]
     (found,) = combine([[x[list(m)]] for m in members], members, n)
     assert np.allclose(found, x)
+
+
+# (x^2 - 4)^2 + (x y + 2)^2 + (y z - 3)^2 + (w - 1)^4 + (v^2 - 1)^2 is least at x = 2 s, y = -s,
+# z = -3 s, w = 1, v = t with signs s and t; moments of all four minimisers say nothing of either
+MINIMISER = np.array([2.0, -1.0, -3.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("read", [means, lambda *given: candidates(*given)[0]])
+def test_variables_of_both_signs_are_roots_whose_products_agree(read):
+    x, y, z, w, v = sp.variables(5)
+    f = (x**2 - 4) ** 2 + (x * y + 2) ** 2 + (y * z - 3) ** 2 + (w - 1) ** 4 + (v**2 - 1) ** 2
+    relaxation = sp.relax(sp.Problem(f), 2, terms="sign")
+    signs = np.array([[s, s, s, 1.0, t] for s in (1.0, -1.0) for t in (1.0, -1.0)])
+    moments = monomials.evaluate(relaxation.moments, signs * MINIMISER).mean(axis=0)
+    found = read(relaxation, moments)
+    assert np.allclose(np.abs(found), np.abs(MINIMISER), atol=1e-6)
+    assert f(found) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_start_on_an_axis_of_symmetry_does_not_hide_the_minimiser():
+    """x1 = 1 and x1 = -1 are as good: the mean of both, with which searches ended, is a saddle."""
+    problem = sp.Problem(sp.problems.rosenbrock(200).objective)
+    result = sp.solve(problem)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.upper_bound == pytest.approx(1.0, abs=1e-6)
