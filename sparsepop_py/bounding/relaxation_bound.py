@@ -17,7 +17,7 @@ from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.context import SolveContext
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
-from sparsepop_py.presolve.size_limits import fitting_relaxations
+from sparsepop_py.presolve.size_limits import fitting_relaxations, solved_by_moments_alone
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
@@ -385,6 +385,8 @@ def solvers_for(context: SolveContext, relaxation: Relaxation, boxed: bool) -> t
         return (options.solver,)
     if options.effort == "plain":
         return ("clarabel",)
+    if boxed and solved_by_moments_alone(relaxation):
+        return ("cliquetree",)
     largest = max(relaxation.block_sizes, default=0)
     return preferred(largest, relaxation.moments.shape[0], boxed, context.objectives)
 
@@ -392,7 +394,9 @@ def solvers_for(context: SolveContext, relaxation: Relaxation, boxed: bool) -> t
 # ---- one round on one order -----------------------------------------------------------------
 
 
-def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
+def bound_order(
+    context: SolveContext, shared: Model | None, last: CertifiedBound | None = None
+) -> CertifiedBound:
     """Bound one objective by one relaxation order: box, relaxations, solver, certificate.
 
     Parameters
@@ -400,6 +404,8 @@ def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
     context : SolveContext
     shared : Model or None
         Box and relaxations that several objectives share; None: made here.
+    last : CertifiedBound, optional
+        Of the same order with another incumbent; returned where that changes nothing.
 
     Returns
     -------
@@ -417,6 +423,8 @@ def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
             return CertifiedBound(model, empty)
         if closed_without_relaxation(context):
             return _prove(context, model)
+        if last is not None and _is_finite_and_same(model.box, last.model.box):
+            return last
         with context.stages.stage("relax"):
             scaling = Scaling.of_box(model.box, best.x if best is not None else None)
             scaled = build_relaxations(problem, (problem.objective,), model, options, scaling)
@@ -432,6 +440,12 @@ def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
         return better(outcome, _prove(context, bare))
     outcome = _prove(context, model)
     return _on_derived_box(context, outcome) if options.effort == "plain" else outcome
+
+
+def _is_finite_and_same(box: Interval, other: Interval) -> bool:
+    """Check for one finite box: only unbounded variables are scaled by the incumbent."""
+    ends = np.concatenate([box.lo, box.hi])
+    return bool(np.all(np.isfinite(ends)) and np.all(ends == np.concatenate([other.lo, other.hi])))
 
 
 def _sensible(context: SolveContext, bound: CertifiedBound) -> bool:

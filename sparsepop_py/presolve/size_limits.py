@@ -5,7 +5,9 @@ r being the number s (s + 1) / 2 of entries of each semidefinite block and c the
 moments of each clique. Building takes memory for the products of the largest clique's
 monomials, words as long as their degree. The lean form of a relaxation often gives the same
 bound at a tenth of that, so it goes first, and stays alone where the full form is too large.
-Where even it does not fit, the order is lowered. Each change is noted; every bound stays proved.
+Where even it does not fit and there is one clique, the clique-tree method is left, which takes
+about sum r^2 operations in place of sum r^3 / 3. Where that is too long, too, the order is lowered.
+Each change is noted; every bound stays proved.
 """
 
 from __future__ import annotations
@@ -34,13 +36,17 @@ __all__ = [
     "check_degrees",
     "fitting_relaxations",
     "largest_basis",
+    "solved_by_moments_alone",
     "solver_bytes",
     "worth_building",
 ]
 
 LEAN = "bounds enter linearly"  # how the note begins where only the lean form fits
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
+_ALONE, _PER_PAIR = 1.5e11, 30.0  # the same by the clique-tree method; for two entries of a block
 _TINY = 1e5  # a step; below, the full form takes no time
+_A_SECOND = 3e9  # operations of one of some twenty steps for each second that is left
+_BY_MOMENTS = ("auto", "cliquetree")  # choices of a solver
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
 LARGEST_DEGREE = 2000  # of a problem; above, arithmetic with its powers has no end in sight
 
@@ -97,19 +103,37 @@ def affordable(relaxation: Relaxation, memory: float) -> bool:
     return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= memory
 
 
+def solved_by_moments_alone(relaxation: Relaxation) -> bool:
+    """Check that only a solver whose unknowns are the moments has time for a step."""
+    return _block_operations(relaxation) > _OPERATIONS
+
+
 def _entries(size: int) -> float:
     return size * (size + 1) / 2.0
 
 
 def _operations(relaxation: Relaxation) -> float:
     """Count operations of one interior-point step, for blocks and moments of each clique."""
-    blocks = sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
+    return _block_operations(relaxation) + _moment_operations(relaxation)
+
+
+def _block_operations(relaxation: Relaxation) -> float:
+    return sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
+
+
+def _clique_tree_operations(relaxation: Relaxation) -> float:
+    """Count operations of a step of the clique-tree method, whose unknowns are the moments."""
+    blocks = sum(_PER_PAIR * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items())
+    return blocks + _moment_operations(relaxation)
+
+
+def _moment_operations(relaxation: Relaxation) -> float:
     clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
     columns = relaxation.entries.indices.astype(np.int64)
     row = np.repeat(np.arange(relaxation.rows), np.diff(relaxation.entries.indptr))
     pairs = monomials.distinct(clique[row] * (relaxation.moments.shape[0] + 1) + columns)
     moments = np.bincount(pairs // (relaxation.moments.shape[0] + 1))
-    return float(blocks + np.sum(moments.astype(float) ** 3) / 3.0)
+    return float(np.sum(moments.astype(float) ** 3) / 3.0)
 
 
 def fitting_relaxations(
@@ -145,10 +169,10 @@ def fitting_relaxations(
     if options.switches is not None:
         order = max(int(options.switches.order or least), least)
         if building_bytes(problem, cliques, order) > min(memory, MOST_BYTES):
-            return (), _too_large(order, memory)
+            return (), _too_large(order, options, problem, cliques)
         whole = plain_relaxation(problem, cliques, objectives, options.switches)
         fits = solver_bytes(whole) <= memory
-        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order, memory))
+        return ((whole,), whole.notes) if fits else ((), _out_of_memory(whole.order, memory))
     notes: tuple[str, ...] = ()
     if asked < least:
         notes = (f"order {asked} raised to {least}, the least for these degrees",)
@@ -164,15 +188,19 @@ def fitting_relaxations(
     top = max(asked, least)
     if plain:
         if not worth_building(problem, cliques, top, memory):
-            return (), _too_large(top, memory)
+            return (), _out_of_memory(top, memory)
         full = build(top)
-        return ((full,), notes) if solver_bytes(full) <= memory else ((), _too_large(top, memory))
+        fits = solver_bytes(full) <= memory
+        return ((full,), notes) if fits else ((), _out_of_memory(top, memory))
     fitting_of = partial(_fitting, build, problem, cliques, memory)
     fitting, order = fitting_of(top), top
-    if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
+    lower = options.effort != "auto"  # which has solved lower orders before
+    if not fitting[0] and lower and options.solver in _BY_MOMENTS:
+        fitting = _for_the_clique_tree(build, problem, cliques, options, top)
+    if not fitting[0] and lower:
         fitting, order = _largest_that_fits(fitting_of, least, top)
     if not fitting[0]:
-        return (), _too_large(top, memory)
+        return (), _too_large(top, options, problem, cliques)
     if order < top:
         notes += (f"order {asked} lowered to {order}: it would be too large",)
     return fitting[0], notes + fitting[1]
@@ -197,6 +225,33 @@ def _fitting(
     if not full.problem.constraints and not bounded.any():
         return _worthwhile(full, full, memory)  # without multipliers the forms are the same
     return _worthwhile(full, build(order, lean=True), memory)
+
+
+def _for_the_clique_tree(
+    build: Callable[..., Relaxation],
+    problem: Problem,
+    cliques: Cliques,
+    options: Options,
+    order: int,
+) -> Fitting:
+    """Build the form that the clique-tree method alone solves in time: moments are bounded.
+
+    For one clique, that is, where no sparsity offers a smaller one.
+    """
+    memory = options.memory_limit
+    boxed = bool(np.all(np.isfinite(problem.lower) & np.isfinite(problem.upper)))
+    if not boxed or len(cliques.members) > 1 or not worth_building(problem, cliques, order, memory):
+        return _NOTHING
+    for lean in (False, True):
+        found = build(order, lean=lean)
+        if solver_bytes(found) <= memory and _clique_tree_operations(found) <= _most(options):
+            return (found,), ()
+    return _NOTHING
+
+
+def _most(options: Options) -> float:
+    """Operations of a step of the clique-tree method that are tried."""
+    return _ALONE if options.time_limit is None else min(_ALONE, _A_SECOND * options.time_limit)
 
 
 def _largest_that_fits(
@@ -226,8 +281,23 @@ def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
     return (lean,), (f"{LEAN}: blocks of {max(full.block_sizes)} are too large",)
 
 
-def _too_large(order: int, memory: float) -> tuple[str, ...]:
+def _too_large(order: int, options: Options, problem: Problem, cliques: Cliques) -> tuple[str, ...]:
+    """Say whether memory or time is missing."""
+    memory = options.memory_limit
+    block = 12.0 * _entries(largest_basis(cliques, order)) ** 2
+    if block > memory or not worth_building(problem, cliques, order, memory):
+        return _out_of_memory(order, memory)
+    most = _most(options) if options.solver in _BY_MOMENTS else _OPERATIONS
+    short = most < _ALONE and options.time_limit is not None
+    return (_note(order, "the time left" if short else f"{most:.2g} operations a step"),)
+
+
+def _out_of_memory(order: int, memory: float) -> tuple[str, ...]:
+    return (_note(order, f"{memory / 1e9:.3g} GB"),)
+
+
+def _note(order: int, limit: str) -> str:
     return (
-        f"the relaxation of order {order} {TOO_LARGE} {memory / 1e9:.3g} GB; "
-        "lower the order or exploit more sparsity",
+        f"the relaxation of order {order} {TOO_LARGE} {limit}; "
+        "lower the order or exploit more sparsity"
     )

@@ -604,15 +604,18 @@ def _rounds(
 ) -> tuple[SolveContext, CertifiedBound, list[NDArray[Any]]]:
     """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
+    last: CertifiedBound | None = None
     for _ in range(1 if shared else STRATEGY.order_rounds):
         try:
-            bound = bound_order(context, shared)
+            bound = bound_order(context, shared, last)
         except EARLY as cause:
             if outcome is None:
                 raise
             context.deadline.ended(cause)
             break
-        outcome = better(outcome, bound)
+        if bound is last:
+            break
+        outcome, last = better(outcome, bound), bound
         proved, old = lower_bound(outcome.certificate), context.best
         context.report(proved)
         if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:

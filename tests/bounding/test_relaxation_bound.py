@@ -16,6 +16,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 
 def context_of(problem: sp.Problem, options: sp.Options) -> SolveContext:
@@ -66,3 +67,25 @@ def test_a_closed_gap_is_proved_once_by_short_multipliers(monkeypatch: pytest.Mo
     assert [argument is None for argument in proofs] == [True, False]  # the box, then multipliers
     assert found.node.argument is proofs[-1] and found.node.argument.short
     assert -0.5 - 1e-3 <= found.proved.bound <= -0.5 + 1e-9
+
+
+def test_a_better_incumbent_that_leaves_the_box_solves_no_program_again() -> None:
+    """Both variables have bounds, which no value of x y makes tighter than the rows do."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1], [-1, -1], [1, 1])
+    context = context_of(problem, sp.Options(order=1))
+    last = bound_order(context, None)
+    better = replace(context, best=prove_feasible(problem, np.array([0.6, -0.6])))
+    assert bound_order(better, None, last) is last
+    elsewhere = replace(last, model=replace(last.model, box=Interval.point(np.zeros(2))))
+    assert bound_order(better, None, elsewhere).solution is not None
+
+
+def test_free_variables_are_scaled_anew_by_a_better_incumbent() -> None:
+    """The least value of (x - 3)^2 + y^2 is 0; no variable has a bound."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((x - 3) ** 2 + y**2, [x * y <= 1])
+    context = context_of(problem, sp.Options(effort="plain", order=1))
+    last = bound_order(context, None)
+    better = replace(context, best=prove_feasible(problem, np.array([3.0, 0.0])))
+    assert bound_order(better, None, last) is not last

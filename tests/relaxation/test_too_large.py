@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.bounding import relaxation_bound
+from sparsepop_py.presolve import size_limits
 from sparsepop_py.relaxation.basis import building_bytes
 
 X = sp.variables(10)
@@ -69,3 +71,47 @@ def test_the_estimate_counts_letters_of_free_variables() -> None:
     products = comb(3 + 4, 4) * (comb(3 + 4, 4) + 1) / 2  # of monomials in three variables
     found = building_bytes(fixed, sp.find_cliques(fixed, sparse=False), 4)
     assert found == pytest.approx(35 * 8 * products)
+
+
+# one dense quartic whose least value 1 is planted; limits are lowered until order 2 is too large
+def dense() -> sp.Problem:
+    given = sp.problems.random_quartic(6, seed=1)
+    return sp.Problem(given.objective, [], given.lower, given.upper)
+
+
+def test_the_clique_tree_method_solves_what_takes_others_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+    own = relaxation_bound.solve_conic
+    monkeypatch.setattr(
+        relaxation_bound,
+        "solve_conic",
+        lambda p, name, *more: asked.append(name) or own(p, name, *more),
+    )
+    monkeypatch.setattr(size_limits, "_OPERATIONS", 1e6)  # a block of 28 rows takes 2e7
+    result = sp.solve(dense())
+    assert set(asked) == {"cliquetree"} and not result.notes
+    assert 1.0 - 1e-5 <= result.lower_bound <= 1.0
+    assert result.certificate.verify(dense()).ok
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "options", "missing"),
+    [
+        ("_OPERATIONS", 1e6, {"solver": "clarabel"}, "1e+06 operations a step"),
+        ("_ALONE", 1e5, {}, "1e+05 operations a step"),
+        ("_A_SECOND", 1.0, {"time_limit": 60}, "the time left"),
+        ("_OPERATIONS", 1e6, {"memory_limit": 2e5}, "0.0002 GB"),  # 12 * 406^2 bytes are 2e6
+    ],
+    ids=["solver", "operations", "time", "memory"],
+)
+def test_notes_say_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: float, options: dict[str, Any], missing: str
+) -> None:
+    monkeypatch.setattr(size_limits, "_OPERATIONS", 1e6)
+    monkeypatch.setattr(size_limits, name, value)
+    result = sp.solve(dense(), sp.Options(**options))
+    (note,) = result.notes
+    assert f"the relaxation of order 2 needs more than {missing};" in note
+    assert result.lower_bound <= 1.0 and result.certificate.verify(dense()).ok
