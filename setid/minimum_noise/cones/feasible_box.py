@@ -59,6 +59,7 @@ _SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near bef
 _OWN = 0.1  # the least of denominators without a prior, from order 3 on: the engine is faster then
 _WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
 _OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
+_THIN = 0.01  # of what ends may reach beyond: smaller cones are left, they are consistent or nearly
 _LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
 _BITS, _LIMIT_BITS = 34, 44  # of the largest multiplier of a vector; of those that bound a gain
 _ALONE = 120.0  # seconds, where no time is given
@@ -345,6 +346,8 @@ class _Search:
 
     def _part(self, grown: _Grown) -> None:
         """Part a cone; one that is too thin is left."""
+        if self._is_thin(grown):
+            return
         edge = self._edge(grown.node)
         parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
         if edge is None or parts is None:
@@ -354,6 +357,12 @@ class _Search:
             node = grown.node._replace(cone=part, centred=False)
             self._file(node, grown.number, (grown.low, grown.high))
         self._cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
+
+    def _is_thin(self, grown: _Grown) -> bool:
+        """Check that all denominators of a cone are as good as one, which is not refuted."""
+        places = [place for _, place in self._own]
+        room = self._share * self._width()[places]
+        return bool(places and np.all((grown.high - grown.low)[places] <= _THIN * room))
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
