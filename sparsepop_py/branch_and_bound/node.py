@@ -54,6 +54,8 @@ class NodeSettings:
     slack : (n,) float
         Arguments hold on boxes larger by this: rounding, where a node is replayed with another
         cutoff.
+    room : (n,) float
+        The same for semidefinite relaxations, which have no interior on very flat boxes.
     """
 
     cliques: Families
@@ -62,6 +64,7 @@ class NodeSettings:
     obbt_lp: bool = False
     obbt_sdp: RelaxationSpec | None = None
     slack: NDArray[np.float64] | float = 0.0
+    room: NDArray[np.float64] | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +196,7 @@ def _semidefinite(
     """Bound a node by a semidefinite relaxation, kept where it is better."""
     problem = context.problem
     with context.stages.stage("relax"):
-        scaling = Scaling.of_box(found.box, slack=settings.slack)
+        scaling = Scaling.of_box(found.box, slack=settings.room)
         scaled = Scaled.of(problem, scaling, (problem.objective,))
         relaxation = spec.build(scaled, settings.cliques)
     box_bound = bound_box(context, found.box, scaled, relaxation)
@@ -233,7 +236,7 @@ def _obbt_sdp(
         points = () if found.point is None else (found.point,)
         how = (spec, settings.cliques)
         made = tighten_by_relaxation(
-            context, replay, found.box, how, weights, enough, points, settings.slack
+            context, replay, found.box, how, weights, enough, points, settings.room
         )
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)

@@ -276,7 +276,7 @@ class AdaptiveSearch:
         """Scale the problem to the current box; remembered until the box changes."""
         if self.last is None or self.last[0] is not self.model.box:
             box, problem = self.model.box, self.context.problem
-            scaling = Scaling.of_box(box, slack=self._slack)
+            scaling = Scaling.of_box(box, slack=self._room)
             self.last = box, Scaled.of(problem, scaling, (problem.objective,))
         return self.last[1]
 
@@ -476,6 +476,20 @@ class AdaptiveSearch:
         """Slack that arguments on the current box keep for the rounding of replays, shape (n,)."""
         return rounding_slack(self.model.box, self.first_box)
 
+    @property
+    def _room(self) -> NDArray[np.float64]:
+        """The same for semidefinite relaxations; an objective that is a variable has more.
+
+        Bound and cutoff enclose that variable, and soon within less than the gap that counts as
+        closed. On so flat a box solvers find neither a better bound nor that there is no point.
+        """
+        slack, objective = self._slack, self.context.problem.objective
+        if objective.degree == 1 and objective.support.size == 1:
+            gap = self.context.allowed / abs(float(objective.coefficients[-1]))
+            (variable,) = objective.support
+            slack[variable] = max(slack[variable], gap if np.isfinite(gap) else 0.0)
+        return slack
+
     def _bound_linear(self, mccormick: LinearRelaxation) -> LinearSolution | None:
         """Accept the bound of the linear relaxation; return its solution, None without one."""
         start = self.context.deadline.now()
@@ -578,7 +592,8 @@ class AdaptiveSearch:
         gap = base, self.context.upper
         best = self.at_nodes or relaxation_for_nodes(self.tried, gap, program)
         where = self.shared_state.cliques, self.shared_state.variables
-        return NodeSettings(*where, best, obbt_lp, self.shared_state.obbt_sdp, self._slack)
+        slack, obbt_sdp = (self._slack, self._room), self.shared_state.obbt_sdp
+        return NodeSettings(*where, best, obbt_lp, obbt_sdp, *slack)
 
     def _close_search(self) -> None:
         """Accept the bound that the tree proves now."""
