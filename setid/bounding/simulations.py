@@ -25,6 +25,7 @@ from setid.feasible_points.cascades import (
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.minimum_noise.cones.feasible_box import denominator_box
+from setid.proofs.denominators.denominator_cells import output_rows
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 from setid.proofs.row_boxes import RowBox
@@ -44,6 +45,7 @@ _CELLS = 2000  # regions that are parted at most
 _REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
 _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
 _CONES = 0.9  # of the time, for cones of denominators
+_NOISY = 0.15  # of the largest reading: noise from which on they are faster than the engine
 _ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
 
 
@@ -87,7 +89,8 @@ def by_simulation(
     deadline, tol = context.deadline.part(share), context.settings.tol
     tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
     tightened: ProvedBox | None = context.kept("cells", tighten, None)
-    if not is_cascade(formulation) and found.ends and (tightened is None or tightened.cut_short):
+    left = found.ends and (tightened is None or tightened.cut_short)
+    if not is_cascade(formulation) and left and not _engine_is_faster(formulation):
         cones = partial(_by_denominators, formulation, context, found, box, deadline.part(_CONES))
         tightened = context.kept("cones", cones, None) or tightened
     if tightened is not None and tightened.empty:
@@ -105,6 +108,20 @@ def by_simulation(
         notes = (*notes, _OPEN)
     return context.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
+    )
+
+
+def _engine_is_faster(formulation: Formulation) -> bool:
+    """Check that cones take longer: on short records of low order with little noise."""
+    if equations(formulation) > _REGIONS:
+        return False
+    every = (output_rows(formulation, output) for output in range(formulation.model.outputs))
+    return all(
+        rows is not None
+        and rows.order < 3
+        and not rows.stable
+        and float(np.median(rows.bound)) <= _NOISY * float(np.abs(rows.y).max(initial=0.0))
+        for rows in every
     )
 
 

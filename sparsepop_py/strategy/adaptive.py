@@ -480,12 +480,12 @@ class AdaptiveSearch:
     def _room(self) -> NDArray[np.float64]:
         """The same for semidefinite relaxations; an objective that is a variable has more.
 
-        Bound and cutoff enclose that variable, and soon within less than the gap that counts as
-        closed. On so flat a box solvers find neither a better bound nor that there is no point.
+        Bound and cutoff enclose that variable, and soon within about the gap that counts as closed.
+        On so flat a box solvers find neither a better bound nor that there is no point.
         """
         slack, objective = self._slack, self.context.problem.objective
         if objective.degree == 1 and objective.support.size == 1:
-            gap = self.context.allowed / abs(float(objective.coefficients[-1]))
+            gap = STRATEGY.room * self.context.allowed / abs(float(objective.coefficients[-1]))
             (variable,) = objective.support
             slack[variable] = max(slack[variable], gap if np.isfinite(gap) else 0.0)
         return slack

@@ -58,6 +58,9 @@ class StrategySettings:
         a working set that does gains little.
     rounding : float
         Gaps this small, of values near 1, are closed: a few units of rounding.
+    room : float
+        Gaps that count as closed: an objective that is a variable has so much room beyond its
+        bounds in semidefinite relaxations.
     order_rounds : int
         Rounds of one order while the attained value improves.
     many_variables : int
@@ -139,6 +142,7 @@ class StrategySettings:
     turn: int = 5
     worth_turn: float = 0.5
     rounding: float = 1e-12
+    room: float = 5.0
     order_rounds: int = 3
     many_variables: int = 300
     more_orders: int = 6

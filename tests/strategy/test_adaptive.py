@@ -9,8 +9,15 @@ from typing import Any
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
+from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation import hierarchy
 from sparsepop_py.strategy import adaptive, relaxation_queue
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.steps import BoxProof
 
 FEW = 20  # nodes
 LINEAR = ("star", "split", "mixed", "full", "monomials", "cutoff", "linear_tree")
@@ -88,3 +95,27 @@ def test_a_tree_has_a_tenth_of_a_long_relaxation(
     search: Any = SimpleNamespace(queue=SimpleNamespace(seconds=float), _branched=spent)
     spec: Any = expected
     assert adaptive.AdaptiveSearch._is_early(search, spec) is early
+
+
+def room(objective: Any, problem: sp.Problem, width: float) -> list[float]:
+    """Beyond the bounds of each variable, in semidefinite relaxations, for a gap of ``width``."""
+    options = sp.Options(effort="auto", gap=width, gap_kind="absolute")
+    problem = problem.with_objective(objective)
+    context = SolveContext(problem, options, Stages(), Deadline())
+    model = Model(BoxProof(), Interval(problem.lower, problem.upper))
+    state = SharedState.of(problem, (problem.objective,), options)
+    search = adaptive.AdaptiveSearch(context, model, [], state)
+    inside = model.box.width() / 2
+    return (search._scaled().scaling.scale - inside).tolist()
+
+
+def test_an_objective_that_is_a_variable_has_room_beyond_a_flat_box() -> None:
+    """Five gaps each way; rounding alone for other variables, and for sums."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x, [x * y >= -1], [0.5, -1], [0.5 + 1e-6, 1])
+    for objective in (x, -2 * x + 3):
+        of_x, of_y = room(objective, problem, 1e-5)
+        gap = 1e-5 / abs(float(objective.coefficients[-1]))
+        assert of_x == pytest.approx(5 * gap, rel=1e-3) and of_y < 1e-8
+    assert max(room(x + y, problem, 1e-5)) < 1e-8
+    assert max(room(x * x, problem, 1e-5)) < 1e-8

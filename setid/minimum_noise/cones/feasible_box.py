@@ -176,6 +176,7 @@ class _Search:
         self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
         self._waiting: list[tuple[_Order, int, _Grown]] = []
         self._count, self._share, self._least = 0, _SHARES[0], 0.0
+        self._thin = False  # whether a cone was left as too thin
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
 
@@ -204,13 +205,14 @@ class _Search:
     # ---- the search ------------------------------------------------------------------------
 
     def run(self, tol: float, least: float) -> bool:
-        """Part cones until none reaches farther than is asked; tell if time sufficed.
+        """Part cones until none reaches farther than is asked; tell if all came as near.
 
         Denominators need not be nearer than ``least``.
         """
         self._least = least
         try:
-            return all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
+            near = all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
+            return near and not self._thin
         except EARLY as cause:
             self._deadline.ended(cause)
             return False
@@ -347,6 +349,7 @@ class _Search:
     def _part(self, grown: _Grown) -> None:
         """Part a cone; one that is too thin is left."""
         if self._is_thin(grown):
+            self._thin = True
             return
         edge = self._edge(grown.node)
         parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])

@@ -166,3 +166,19 @@ def test_a_response_without_denominator_is_not_parted(taps: int) -> None:
     (low, high), *others = (interval.outer for interval in result.intervals.values())
     assert low <= 0.75 <= high
     assert all(below <= 0.0 <= above for below, above in others)
+
+
+def test_a_cone_as_thin_as_one_denominator_is_left() -> None:
+    """A set so small that noise bounds a little larger explain what lies a tolerance beyond it."""
+    random = np.random.RandomState(701)
+    u, y = random.uniform(-1.0, 1.0, 700), np.zeros(700)
+    for k in range(1, 700):
+        y[k] = 0.8 * y[k - 1] + 0.5 * u[k - 1]
+    size = 0.05 * np.abs(y).max()
+    data = setid.IOData(u, y + random.uniform(-size, size, 700))
+    known = setid.formulate(data, setid.TransferFunction(1, 1, 1), setid.Noise(output=size))
+    attained = np.array([-0.80008045, 0.49964894]), np.array([-0.79995435, 0.50013869])
+    box = denominator_box(known, find_box(known), attained, 7e-4, Deadline(60.0))
+    assert box is not None and not box.complete and box_follows(box, known)
+    assert len(box.trees[0].cells) < 600  # without an end, 100 more each second
+    assert np.all(box.lower <= [-0.8, 0.5]) and np.all(box.upper >= [-0.8, 0.5])

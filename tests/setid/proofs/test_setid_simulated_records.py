@@ -100,6 +100,22 @@ def test_what_is_no_simulation_from_readings() -> None:
     assert recursion_of(formulated(setid.IOData(data.u, y), rest)).dimension == 4
 
 
+@pytest.mark.parametrize(
+    ("model", "priors", "bound", "samples", "fast"),
+    [
+        (MODEL, (), BOUND, 260, True),
+        (MODEL, (), 100 * BOUND, 260, False),
+        (MODEL, (setid.Stable(),), BOUND, 260, False),
+        (setid.TransferFunction(3, 2, 1), (), BOUND, 260, False),
+        (MODEL, (), BOUND, 1100, False),
+    ],
+    ids=["short", "noisy", "stable", "order 3", "long"],
+)
+def test_cones_are_for_what_takes_the_engine_longer(model, priors, bound, samples, fast) -> None:
+    known = setid.formulate(record(samples), model, setid.Noise(output=bound), priors)
+    assert simulations._engine_is_faster(known) is fast
+
+
 @pytest.fixture(scope="module")
 def found() -> setid.Identification:
     """By simulations and the engine alone."""
