@@ -45,7 +45,7 @@ _CELLS = 2000  # regions that are parted at most
 _REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
 _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
 _CONES = 0.9  # of the time, for cones of denominators
-_NOISY = 0.15  # of the largest reading: noise from which on they are faster than the engine
+_WIDE = 150.0  # attained widths: from a box this wide on they are faster than the engine
 _ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
 
 
@@ -90,7 +90,11 @@ def by_simulation(
     tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
     tightened: ProvedBox | None = context.kept("cells", tighten, None)
     left = found.ends and (tightened is None or tightened.cut_short)
-    if not is_cascade(formulation) and left and not _engine_is_faster(formulation):
+    if (
+        not is_cascade(formulation)
+        and left
+        and not _engine_is_faster(formulation, found, tightened or box)
+    ):
         cones = partial(_by_denominators, formulation, context, found, box, deadline.part(_CONES))
         tightened = context.kept("cones", cones, None) or tightened
     if tightened is not None and tightened.empty:
@@ -111,18 +115,15 @@ def by_simulation(
     )
 
 
-def _engine_is_faster(formulation: Formulation) -> bool:
-    """Check that cones take longer: on short records of low order with little noise."""
-    if equations(formulation) > _REGIONS:
+def _engine_is_faster(formulation: Formulation, found: CascadeEnds, box: ProvedBox | None) -> bool:
+    """Check that cones take longer: on short records of low order whose box is not very wide."""
+    if box is None or equations(formulation) > _REGIONS:
+        return False
+    points = np.array(found.ends)[:, : len(formulation.parameters)]
+    if np.any(box.upper - box.lower > _WIDE * (points.max(axis=0) - points.min(axis=0))):
         return False
     every = (output_rows(formulation, output) for output in range(formulation.model.outputs))
-    return all(
-        rows is not None
-        and rows.order < 3
-        and not rows.stable
-        and float(np.median(rows.bound)) <= _NOISY * float(np.abs(rows.y).max(initial=0.0))
-        for rows in every
-    )
+    return all(rows is not None and rows.order < 3 and not rows.stable for rows in every)
 
 
 def _by_denominators(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -101,19 +102,26 @@ def test_what_is_no_simulation_from_readings() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "priors", "bound", "samples", "fast"),
+    ("model", "priors", "wide", "samples", "fast"),
     [
-        (MODEL, (), BOUND, 260, True),
-        (MODEL, (), 100 * BOUND, 260, False),
-        (MODEL, (setid.Stable(),), BOUND, 260, False),
-        (setid.TransferFunction(3, 2, 1), (), BOUND, 260, False),
-        (MODEL, (), BOUND, 1100, False),
+        (MODEL, (), 100, 260, True),
+        (MODEL, (), 200, 260, False),
+        (MODEL, (setid.Stable(),), 100, 260, False),
+        (setid.TransferFunction(3, 2, 1), (), 100, 260, False),
+        (MODEL, (), 100, 1100, False),
     ],
-    ids=["short", "noisy", "stable", "order 3", "long"],
+    ids=["short", "wide box", "stable", "order 3", "long"],
 )
-def test_cones_are_for_what_takes_the_engine_longer(model, priors, bound, samples, fast) -> None:
-    known = setid.formulate(record(samples), model, setid.Noise(output=bound), priors)
-    assert simulations._engine_is_faster(known) is fast
+def test_cones_are_for_what_takes_the_engine_longer(model, priors, wide, samples, fast) -> None:
+    """A box that is so many times as wide as what is attained; one bound alone is enough."""
+    known = setid.formulate(record(samples), model, setid.Noise(output=BOUND), priors)
+    count = len(known.parameters)
+    reached = SimpleNamespace(ends=np.array([np.zeros(count), np.ones(count)]))
+    upper = np.full(count, 100.0)
+    upper[-1] = wide
+    box = SimpleNamespace(lower=np.zeros(count), upper=upper)
+    assert simulations._engine_is_faster(known, reached, box) is fast
+    assert not simulations._engine_is_faster(known, reached, None)
 
 
 @pytest.fixture(scope="module")
