@@ -72,7 +72,8 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     found.sort(key=lambda entry: entry[0])
     dimension, last = relaxation.problem.dimension, len(relaxation.cliques.members)
     either, roots = _roots(relaxation, moments)
-    found.append((last, either, [roots]))
+    if either.size:
+        found.append((last, either, [roots]))
     return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
 
 
@@ -115,6 +116,8 @@ def _roots(
     """
     letters, words = _letters(relaxation), monomials.widen(relaxation.moments, 2)
     either = np.flatnonzero(relaxation.moment_numbers(letters) < 0)
+    if not either.size:
+        return either, np.zeros(0)
     number = relaxation.moment_numbers(np.repeat(letters[either], 2, axis=1))
     known = either[number > 0]
     point = np.zeros(letters.size)
