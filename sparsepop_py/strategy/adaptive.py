@@ -485,9 +485,11 @@ class AdaptiveSearch:
         """
         slack, objective = self._slack, self.context.problem.objective
         if objective.degree == 1 and objective.support.size == 1:
-            gap = STRATEGY.room * self.context.allowed / abs(float(objective.coefficients[-1]))
             (variable,) = objective.support
-            slack[variable] = max(slack[variable], gap if np.isfinite(gap) else 0.0)
+            size = abs(float(objective.coefficients[-1]))
+            room = STRATEGY.room * self.context.allowed / size
+            if self.model.box.width()[variable] <= room < np.inf:
+                slack[variable] = room
         return slack
 
     def _bound_linear(self, mccormick: LinearRelaxation) -> LinearSolution | None:

@@ -59,8 +59,8 @@ class StrategySettings:
     rounding : float
         Gaps this small, of values near 1, are closed: a few units of rounding.
     room : float
-        Gaps that count as closed: an objective that is a variable has so much room beyond its
-        bounds in semidefinite relaxations.
+        Gaps that count as closed: an objective that is a variable within no more of them has so
+        much room beyond its bounds in semidefinite relaxations.
     order_rounds : int
         Rounds of one order while the attained value improves.
     many_variables : int

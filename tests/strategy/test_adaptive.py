@@ -110,12 +110,13 @@ def room(objective: Any, problem: sp.Problem, width: float) -> list[float]:
 
 
 def test_an_objective_that_is_a_variable_has_room_beyond_a_flat_box() -> None:
-    """Five gaps each way; rounding alone for other variables, and for sums."""
+    """Five gaps each way; rounding alone for other variables, for sums, and on wider boxes."""
     x, y = sp.variables(2)
     problem = sp.Problem(x, [x * y >= -1], [0.5, -1], [0.5 + 1e-6, 1])
     for objective in (x, -2 * x + 3):
         of_x, of_y = room(objective, problem, 1e-5)
         gap = 1e-5 / abs(float(objective.coefficients[-1]))
         assert of_x == pytest.approx(5 * gap, rel=1e-3) and of_y < 1e-8
+    assert max(room(x, problem, 1e-7)) < 1e-8
     assert max(room(x + y, problem, 1e-5)) < 1e-8
     assert max(room(x * x, problem, 1e-5)) < 1e-8
