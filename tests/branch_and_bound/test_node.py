@@ -10,6 +10,7 @@ import pytest
 
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode
+from sparsepop_py.progress import Stages
 from sparsepop_py.tightening.obbt_sdp import TightenedBox
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Proved
@@ -42,3 +43,22 @@ def test_a_node_is_tightened_while_that_gains_and_not_where_its_children_close(
     found = ProcessedNode((), BOX, Proved(bound, 0.0, ""), None)
     node._obbt_sdp(cast(Any, context), settings, cast(Any, None), cast(Any, replay), found)
     assert len(shares) - len(list(left)) == rounds
+
+
+@pytest.mark.parametrize("call", [node._semidefinite, node._obbt_sdp])
+def test_relaxations_of_nodes_have_the_room_that_is_given(call, monkeypatch):
+    """Linear programs have the slack alone."""
+    rooms = []
+
+    def noted(_box, *, slack):
+        rooms.append(slack)
+        raise StopIteration
+
+    monkeypatch.setattr(node.Scaling, "of_box", noted)
+    settings = NodeSettings(cast(Any, {}), (0, 1), slack=1.0, room=2.0)
+    found = ProcessedNode((), BOX, Proved(0.5, 0.0, ""), None)
+    context = SimpleNamespace(problem=None, stages=Stages())
+    replay = SimpleNamespace(cutoff=0.9)
+    with pytest.raises(StopIteration):
+        call(cast(Any, context), settings, cast(Any, None), cast(Any, replay), found)
+    assert rooms == [2.0]

@@ -148,6 +148,17 @@ def test_variables_of_both_signs_are_roots_whose_products_agree(read):
     assert f(found) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_roots_that_are_both_known_take_signs_from_their_product():
+    """(x^2 - 1)^2 + (y^2 - 4)^2 + (x y + 2)^2 is least at (1, -2) and (-1, 2)."""
+    x, y = sp.variables(2)
+    f = (x**2 - 1) ** 2 + (y**2 - 4) ** 2 + (x * y + 2) ** 2
+    relaxation = sp.relax(sp.Problem(f), 2, terms="sign")
+    atoms = np.array([[1.0, -2.0], [-1.0, 2.0]])
+    moments = monomials.evaluate(relaxation.moments, atoms).mean(axis=0)
+    for found in (means(relaxation, moments), candidates(relaxation, moments)[0]):
+        assert f(found) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_start_on_an_axis_of_symmetry_does_not_hide_the_minimiser():
     """x1 = 1 and x1 = -1 are as good: the mean of both, with which searches ended, is a saddle."""
     problem = sp.Problem(sp.problems.rosenbrock(200).objective)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sparsepop_py as sp
@@ -17,6 +18,7 @@ from sparsepop_py.relaxation import hierarchy
 from sparsepop_py.strategy import adaptive, relaxation_queue
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.steps import BoxProof
 
 FEW = 20  # nodes
@@ -105,6 +107,9 @@ def room(objective: Any, problem: sp.Problem, width: float) -> list[float]:
     model = Model(BoxProof(), Interval(problem.lower, problem.upper))
     state = SharedState.of(problem, (problem.objective,), options)
     search = adaptive.AdaptiveSearch(context, model, [], state)
+    plan, scaling = search._plan(), Scaling.of_box(model.box, slack=search._room)
+    assert np.array_equal(plan.slack, search._slack) and np.array_equal(plan.room, search._room)
+    assert np.array_equal(scaling.scale, search._scaled().scaling.scale)
     inside = model.box.width() / 2
     return (search._scaled().scaling.scale - inside).tolist()
 
