@@ -28,6 +28,7 @@ from .linear_rows import Ends, bound_rows, combined, move
 from .parameter_box import proved_box
 from .structure import ZERO, Record, Structure, Terms
 
+LIFTED = "lifted"  # the group of unknowns that stand for polynomials in the parameters
 GROUPS = {"eta": "output", "xi": "input", "e": "equation"}
 
 
@@ -93,10 +94,11 @@ class Identification:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
+        self._define()
         for place, (origin, c) in enumerate(
             zip(self.got.rows, self.problem.constraints, strict=True)
         ):
-            if origin is None:
+            if origin is None or origin[0] == LIFTED:
                 continue
             name, k = items(origin, "rows")
             if not 0 <= whole(k, "rows") < self.record.samples:
@@ -105,10 +107,53 @@ class Identification:
             if why:
                 raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
         pairs = zip(self.got.rows, self.problem.constraints, strict=True)
-        self.stated = [f"given: {self._shown(c)}" for origin, c in pairs if origin is None]
+        given = [c for origin, c in pairs if origin is None]
+        if any(v in self.lifted for c in given for word in c.polynomial.terms for v in word):
+            raise NotProved("a row that is given speaks of an unknown that another one defines")
+        self.stated = [f"given: {self._shown(c)}" for c in given]
         self.whole = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
         for v in range(len(self.names), self.problem.dimension):
             self._check_bounds(v)
+
+    def _define(self) -> None:
+        """Collect unknowns that rows define as polynomials in the parameters, by their letters.
+
+        They have no bounds (see _check_bounds): these rows leave all parameters as they are.
+        """
+        self.lifted: dict[int, Terms] = {}
+        pairs = zip(self.got.rows, self.problem.constraints, strict=True)
+        for place, (origin, c) in enumerate(pairs):
+            if origin is None or items(origin, "rows")[0] != LIFTED:
+                continue
+            _, number = items(origin, "rows")
+            letter = self.record.letters.get((LIFTED, 0, whole(number, "rows")), 0)
+            stated = self._in_parameters(self._unscaled(c))
+            own = stated.pop((letter,), ZERO)
+            others = any(v > len(self.names) for word in stated for v in word)
+            if not own or others or not c.equality or c.side:
+                raise NotProved(f"row {place} does not define an unknown by the parameters")
+            self.lifted[letter] = {word: -value / own for word, value in stated.items()}
+
+    def _in_parameters(self, stated: Terms) -> Terms:
+        """Replace unknowns that are defined by what defines them."""
+        found: Terms = {}
+        for word, value in stated.items():
+            kept = tuple(v for v in word if v not in self.lifted)
+            products = {kept: value}
+            for v in (v for v in word if v in self.lifted):
+                products = times_terms(products, self.lifted[v])
+            for product, coefficient in products.items():
+                found[product] = found.get(product, ZERO) + coefficient
+        return {word: value for word, value in found.items() if value or not word}
+
+    def _unscaled(self, c: Constraint) -> Terms:
+        """The polynomial of a row in the units of the record, times some number."""
+        found: Terms = {}
+        for word in c.polynomial.terms:
+            found[word] = c.polynomial.coefficient(word)
+            for v in word:
+                found[word] /= self.units[v - 1]
+        return found
 
     def _shown(self, c: Constraint) -> str:
         """A row of a prior or a set of noise, in the units of the record."""
@@ -150,25 +195,23 @@ class Identification:
     def _differs(self, name: str, k: int, c: Constraint) -> str:
         """Why a constraint in units is not what the row says; empty where it is."""
         row, width = self._row(name, k)
-        stated, wanted = c.polynomial.open(), {w: v for w, v in row.items() if v and w}
+        stated = self._in_parameters(self._unscaled(c))
+        own, constant = row.pop((), ZERO), stated.pop((), ZERO)
+        wanted = {word: value for word, value in row.items() if value}
         if set(stated) != set(wanted) or c.side or not wanted:
             return "other unknowns than in the record"
-        ratios = set()
-        for word, value in stated.items():
-            for v in word:
-                value /= self.units[v - 1]
-            ratios.add(value / wanted[word])
+        ratios = {value / wanted[word] for word, value in stated.items()}
         if len(ratios) > 1:
             return "other coefficients than in the record"
         (factor,) = ratios
         self.sides.setdefault((name, k), set()).update(
             (False, True) if c.equality else {factor > 0}
         )
-        own = row.get((), ZERO) * factor
+        own *= factor
         if c.equality:
-            good = not width and c.polynomial.coefficient() == own
+            good = not width and constant == own
             return "" if good else "another constant, or an equation error is left out"
-        slack = c.polynomial.coefficient() - own - width * abs(factor)
+        slack = constant - own - width * abs(factor)
         self.rounded |= slack > 0
         return "" if slack >= 0 and width else "tighter than the bound of the equation error"
 
@@ -328,3 +371,13 @@ class Identification:
         if a < least or b > most:
             return [f"{line}; attained is less than the file says"]
         return [f"{line}, attained from {shown(a)} to {shown(b)}"]
+
+
+def times_terms(one: Terms, other: Terms) -> Terms:
+    """Multiply two polynomials."""
+    found: Terms = {}
+    for left, a in one.items():
+        for right, b in other.items():
+            word = tuple(sorted(left + right))
+            found[word] = found.get(word, ZERO) + a * b
+    return found

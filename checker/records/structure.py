@@ -7,7 +7,8 @@ denominators A_j and numerators B_j of its inputs has at every sample k the row
 
 denominators that are equal taken once. In the form "partial" it has instead the rows
 A_j z_j(k) - B_j u_j(k) = 0 for each input and y(k) - sum_j z_j(k) - c = 0. The form "multiplied"
-eliminates the z_j: c has the factor A_1 ... A_q at q = 1.
+eliminates the z_j: c has the factor A_1 ... A_q at q = 1. The form "lifted" has the same rows, in
+which unknowns may stand for polynomials in the parameters.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..files.reading import Malformed, fields, finite, item, items, whole
 from ..result import NotProved
 
 ZERO = Fraction(0)
+ELIMINATED = ("multiplied", "lifted")  # forms without partial outputs
 Terms = dict[tuple[int, ...], Fraction]  # polynomials in the unknowns: sorted letters from 1
 
 
@@ -50,10 +52,10 @@ class Structure:
             rows = [[whole(v, "structure") for v in items(row, "structure")] for row in table]
             if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
                 raise Malformed("structure: orders that do not fit the channels")
-        forms = ("auto", "direct", "partial", "multiplied")
+        forms = ("auto", "direct", "partial", *ELIMINATED)
         if got.initial not in ("free", "zero") or got.form not in forms:
             raise Malformed("structure: initial or form of an unknown kind")
-        if got.form == "multiplied" and got.offset and got.initial == "zero":
+        if got.form in ELIMINATED and got.offset and got.initial == "zero":
             raise Malformed("structure: an eliminated offset that begins at zero")
         self.given, self.inputs, self.outputs = got, range(inputs), range(outputs)
         self.many, self.zero = inputs * outputs > 1, got.initial == "zero"
@@ -127,7 +129,7 @@ class Structure:
             others = multiplied([d for d in distinct if d != own[j]])
             for shift, b in self.numerator(i, j):
                 found += [Term(-1, (*names, b), f"u{j + 1}", lag + shift) for lag, names in others]
-        if self.given.form != "multiplied":
+        if self.given.form not in ELIMINATED:
             distinct = []
         factors = [names for _, names in multiplied(distinct)]
         return found + [

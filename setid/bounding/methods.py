@@ -120,11 +120,12 @@ def _direct(formulation: Formulation) -> Formulation | None:
     model, n = formulation.model, len(formulation.parameters)
     problem = formulation.problem
     open_ = np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])
-    if not isinstance(model, TransferFunction) or not np.any(open_) or model.form == "direct":
+    if not isinstance(model, TransferFunction) or model.form not in ("auto", "partial"):
         return None
-    other = replace(model, form="direct")
-    if model.offset:  # on the outputs themselves; its first samples tell nothing then
-        other = replace(model, form="multiplied", initial="free")
+    if not np.any(open_):
+        return None
+    # an offset is on the outputs themselves; its first samples tell nothing then
+    other = replace(model, form="lifted", initial="free" if model.offset else model.initial)
     return formulate(formulation.data, other, formulation.noise, formulation.priors)
 
 

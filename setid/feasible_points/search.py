@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.formulation.completion import defined_unknowns, held_unknowns, polished
 from setid.formulation.formulation import Formulation
+from setid.formulation.lifting import LIFTED
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
@@ -34,7 +35,9 @@ _INSIDE = 1e-6  # of the width of each bound: what a search keeps away from it
 def coupled(formulation: Formulation) -> bool:
     """Check for products of unknown samples, or of one with several parameters."""
     words, p = formulation.problem.rows.words, len(formulation.parameters)
-    samples = np.count_nonzero(words > p, axis=1)
+    sample = np.arange(formulation.layout.dimension + 1) > p
+    sample[formulation.layout.group(LIFTED) + 1] = False
+    samples = np.count_nonzero(sample[words], axis=1)
     parameters = np.count_nonzero(words, axis=1) - samples
     return bool(np.any(samples > 1) or np.any((samples > 0) & (parameters > 1)))
 

@@ -17,6 +17,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
+from setid.formulation.lifting import LIFTED, Lifting, definitions, lift
 from setid.formulation.products import build_products
 from setid.formulation.regression import (
     Regression,
@@ -28,6 +29,7 @@ from setid.formulation.signals import Signal, internal_range, measured, missing_
 from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
+from setid.models.lti import TransferFunction
 from setid.priors.base import Facts, Prior
 from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
@@ -126,14 +128,16 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     ranges = missing_ranges(data, model, bounds, facts.bounds)
     driven = driven_signals(data, model)
     usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
-    plans = plan(equations, data, usable, model.initial)
-    layout = _number(data, model, noise, priors, bounds, plans)
+    lifting = lift(equations) if _lifts(model) else Lifting(equations)
+    plans = plan(lifting.equations, data, usable, model.initial)
+    layout = _number(data, model, noise, priors, bounds, plans, lifting)
     lower, upper = np.full(layout.dimension, -inf), np.full(layout.dimension, inf)
     signals = _signals(data, bounds, layout, plans, ranges, (lower, upper)) | driven
     _bound_noise(layout, bounds, (lower, upper))
     _bound_priors(layout, model, priors, facts, (lower, upper))
     of_priors, roundings = _prior_rows(model, priors, facts, layout)
     rows = [
+        *(_Collected(row, "model", LIFTED) for row in definitions(lifting, layout)),
         *_model_rows(plans, data, signals, layout, bounds),
         *_noise_rows(noise, layout),
         *of_priors,
@@ -153,6 +157,10 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
         sum(item.dropped for item in plans),
         roundings,
     )
+
+
+def _lifts(model: Structure) -> bool:
+    return isinstance(model, TransferFunction) and model.form == LIFTED
 
 
 def _rows(found: Sequence[_Collected]) -> Rows:
@@ -224,6 +232,7 @@ def _number(
     priors: Sequence[Prior],
     bounds: _Bounds,
     plans: Sequence[Planned],
+    lifting: Lifting,
 ) -> Layout:
     """Number what occurs in rows; with noise constraints, every noise sample."""
     builder = LayoutBuilder(data)
@@ -252,6 +261,7 @@ def _number(
             builder.samples(item.equation.defines, used[item.equation.defines])
     slack = [name for prior in priors for name in prior.unknowns(model)]
     builder.named("slack", slack)
+    builder.named(LIFTED, lifting.names)
     return builder.finish()
 
 
@@ -324,7 +334,8 @@ def _model_rows(
     bounds: _Bounds,
 ) -> list[_Collected]:
     """Rows of the equations, in the order of samples."""
-    parameters = {layout.names[i]: i for i in layout.group("theta").tolist()}
+    numbers = [*layout.group("theta").tolist(), *layout.group(LIFTED).tolist()]
+    parameters = {layout.names[i]: i for i in numbers}
     collected: list[tuple[int, int, _Collected]] = []
     for order, item in enumerate(plans):
         found = assemble(item, signals, parameters, data.first)

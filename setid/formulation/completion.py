@@ -16,6 +16,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.formulation.assembly import Rows
 from setid.formulation.layout import Layout
+from setid.formulation.lifting import LIFTED
 from setid.models.equations import Structure, channel_of
 from setid.priors.base import Prior
 
@@ -108,12 +109,16 @@ def _place(
 
 
 def place_slack(x: NDArray[np.float64], formulation: Stated, theta: NDArray[np.float64]) -> None:
-    """Set the unknowns of priors in x to what the parameters give."""
+    """Set the unknowns of priors, and sums of products, in x to what the parameters give."""
     named = dict(zip(formulation.parameters, theta.tolist(), strict=True))
     named |= dict(getattr(formulation.model, "fixed", ()))
     for prior in formulation.priors:
         for name, value in prior.complete(formulation.model, named).items():
             x[formulation.layout.index(name)] = value
+    numbers = formulation.layout.group(LIFTED)
+    for number, row in zip(numbers.tolist(), formulation.problem.constraints, strict=False):
+        x[number] = 0.0  # its definition, one of the first rows, is x[number] minus the sum
+        x[number] = -row.polynomial(x)
 
 
 def solve_definitions(x: NDArray[np.float64], formulation: Stated) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -20,17 +20,27 @@ from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidErr
 from setid.formulation.assembly import Rows, build, check_rows_of_priors
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
+from setid.formulation.lifting import LIFTED
 from setid.formulation.printing import equation_text
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure
+from setid.models.lti import TransferFunction
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
-__all__ = ["Formulation", "Structs", "check_priors", "formulate", "settled", "to_structs"]
+__all__ = [
+    "Formulation",
+    "Structs",
+    "check_priors",
+    "formulate",
+    "multiplied_out",
+    "settled",
+    "to_structs",
+]
 
 Structs = tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]
 
@@ -230,7 +240,7 @@ class Formulation:
         noise = sum(int(np.sum(self.layout.group(g) >= 0)) for g in ("eta", "xi", "e"))
         equations = len(
             {*zip(self.rows.equation, self.rows.record, self.rows.sample, strict=True)}
-            - {("", 0, 0)}
+            - {("", 0, 0), (LIFTED, 0, 0)}
         )
         return (
             f"<Formulation: {len(self.parameters)} parameters, {noise} noise samples, "
@@ -324,6 +334,26 @@ def formulate(
         ),
         _equations=built.equations,
     )
+
+
+def multiplied_out(formulation: Formulation) -> Formulation:
+    """State a formulation without sums of products as unknowns of their own.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Returns
+    -------
+    Formulation
+        In the first unknowns of the given one, which has the others behind them; the given one
+        where there are none.
+    """
+    model = formulation.model
+    if not formulation.layout.group(LIFTED).size or not isinstance(model, TransferFunction):
+        return formulation
+    plain = replace(model, form="multiplied")
+    return formulate(formulation.data, plain, formulation.noise, formulation.priors)
 
 
 def to_structs(

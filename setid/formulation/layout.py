@@ -1,9 +1,9 @@
 """Places of all unknowns of a record in the vector of variables of its problem.
 
 The order is theta, output noise, input noise, equation errors, missing outputs, missing
-inputs, internal signals, unknowns of priors. Samples are counted from 1 in names, as in
-the literature: ``eta[7]``; ``eta[2,7]`` is sample 7 of record 2, ``eta2[7]`` belongs to
-output 2. Counts and numbers that are always 1 are left out.
+inputs, internal signals, unknowns of priors, sums of products of parameters. Samples are counted
+from 1 in names, as in the literature: ``eta[7]``; ``eta[2,7]`` is sample 7 of record 2,
+``eta2[7]`` belongs to output 2. Counts and numbers that are always 1 are left out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ class Layout:
         Variable numbers from 0, -1 where a sample has no variable: ``theta`` (p,),
         ``eta`` (N, ny), ``xi`` (N, nu), ``e`` (N, ny), ``y`` (N, ny) and ``u`` (N, nu)
         missing samples, one (N,) for each internal signal, ``slack`` for the unknowns of
-        priors. Groups without variables are there too.
+        priors, ``lifted`` for sums of products of parameters. Groups without variables are
+        there too.
     starts : (records,) int
         Rows at which records begin.
 

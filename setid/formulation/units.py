@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, multiplied_out
+from setid.formulation.lifting import LIFTED
 from sparsepop_py.problem import units
 from sparsepop_py.problem.units import InUnits
 from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
@@ -60,7 +61,15 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     >>> bool(abs(scaled.problem.upper[2:] - 5e-10 * 2.0**32).max() == 0)
     True
     """
-    return units.in_units(problem, sizes_of(formulation))
+    sizes, numbers = sizes_of(formulation).copy(), formulation.layout.group(LIFTED)
+    largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
+    for number, row in zip(numbers.tolist(), problem.constraints, strict=False):
+        words, values = row.polynomial.words, np.abs(row.polynomial.coefficients)
+        own = np.all(words != number + 1, axis=1)  # the sum of its definition
+        with np.errstate(invalid="ignore"):
+            sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
+        largest[number + 1] = sizes[number]
+    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0))
 
 
 def coupled_rows(formulation: Formulation) -> CoupledRows:
@@ -69,7 +78,9 @@ def coupled_rows(formulation: Formulation) -> CoupledRows:
     Parameters
     ----------
     formulation : Formulation
+        Sums of products of parameters are no uncertain numbers: they are multiplied out.
     """
+    formulation = multiplied_out(formulation)
     samples = frozen(formulation.rows.sample > 0)
     count = len(formulation.parameters)
     return CoupledRows(formulation.problem, count, samples, sizes_of(formulation))

@@ -17,7 +17,8 @@ from setid.models.html import InNotebook
 
 __all__ = ["Form", "TransferFunction", "expand"]
 
-Form = Literal["auto", "direct", "partial", "multiplied"]
+Form = Literal["auto", "direct", "partial", "multiplied", "lifted"]
+_ELIMINATED = ("multiplied", "lifted")  # forms whose offset is added to the output itself
 Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
 
 
@@ -42,20 +43,21 @@ class TransferFunction(InNotebook):
     offset : bool
         An unknown constant in each output's equation: ``c``, or ``c[output]``. It stands
         for constant errors of the sensors: one of d in y and f in u makes
-        c = (1 + sum a) d - (sum b) f. Beside partial outputs, and in the form
-        ``"multiplied"``, it is added to the output itself. With ``initial="zero"`` it acts from
-        the first sample on.
+        c = (1 + sum a) d - (sum b) f. Beside partial outputs, and in the forms
+        ``"multiplied"`` and ``"lifted"``, it is added to the output itself. With
+        ``initial="zero"`` it acts from the first sample on.
     initial : {"free", "zero"}
         ``"free"``: rows start where all lags lie within the record, and the samples before
         are unknown. ``"zero"``: all signals are zero before the record, and every sample
         has a row.
-    form : {"auto", "direct", "partial", "multiplied"}
+    form : {"auto", "direct", "partial", "multiplied", "lifted"}
         How several denominators meet in one output. ``"partial"``: the partial output
         z[i,j] of each pair is an unknown signal, rows are bilinear. ``"direct"``:
         denominators are multiplied out, degree p + 1 for p inputs. ``"auto"``: direct
         where rows stay bilinear, else partial. ``"multiplied"``: the rows that partial outputs
         leave when they are eliminated, those of ``"direct"`` with c (1 + sum a) of each
-        denominator for c.
+        denominator for c. ``"lifted"``: the same rows with sums of products of coefficients as
+        unknowns of their own, so that they are bilinear.
 
     Raises
     ------
@@ -121,9 +123,9 @@ class TransferFunction(InNotebook):
         }
         if common_denominator and len({n for row in fields["na"] for n in row}) > 1:
             raise ModelError("na: found several orders, expected one for a common denominator")
-        if form == "multiplied" and initial == "zero" and fields["offset"]:
+        if form in _ELIMINATED and initial == "zero" and fields["offset"]:
             raise ModelError(
-                "initial: found 'zero', expected 'free' beside form='multiplied' and an offset"
+                f"initial: found 'zero', expected 'free' beside form={form!r} and an offset"
             )
         for key, value in fields.items():
             object.__setattr__(self, key, value)
@@ -237,7 +239,7 @@ class TransferFunction(InNotebook):
                     _times_signal((lag + shift, (*names, name)), f"u{j + 1}", -1.0)
                     for lag, names in others
                 ]
-        added = denominators if self._splits(i) or self.form == "multiplied" else []
+        added = denominators if self._splits(i) or self.form in _ELIMINATED else []
         offset = [self._offset(i)] if self.offset else []
         constant = [Term(-1.0, (*names, c), ()) for c in offset for _, names in expand(added)]
         return Equation(f"y{i + 1}", (*left, *right, *constant), error=True)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
+from setid.formulation.lifting import LIFTED
 
 __all__ = ["SolvedRows", "admitted", "proved_point", "rows_say_all", "solved_rows"]
 
@@ -174,7 +175,7 @@ def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int
     for group, numbers in formulation.layout.groups.items():
         if group != "theta":
             places = np.nonzero(numbers >= 0)
-            age[numbers[places]] = places[0] if group != "slack" else 0
+            age[numbers[places]] = places[0] if group not in ("slack", LIFTED) else 0
     order = {"eta": 1, "e": 2, "xi": 0}
     rank = np.zeros(problem.dimension, int)
     for group, value in order.items():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
@@ -57,6 +57,7 @@ def product_rows(formulation: Formulation) -> ProductRows | None:
     """
     if formulation.products is not None:
         return formulation.products
+    formulation = multiplied_out(formulation)
     found = lifted_rows(coupled_rows(formulation), formulation.parameters)
     if found is None:
         return None

@@ -17,6 +17,7 @@ from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.formulation.formulation import Formulation
 from setid.formulation.layout import Layout
+from setid.formulation.lifting import LIFTED
 from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, coupled_rows, in_units
 from setid.models.lti import TransferFunction
@@ -41,7 +42,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 5
+_FORMAT, _VERSION = "setid", 6
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -159,7 +160,7 @@ def _variables(layout: Layout, samples: int) -> list[Any]:
     """For each unknown its group, its channel (from 1, 0 for none) and its sample or place."""
     found: list[Any] = [None] * layout.dimension
     for group, numbers in layout.groups.items():
-        if group in ("theta", "slack"):
+        if group in ("theta", "slack", LIFTED):
             for place, number in enumerate(numbers.tolist()):
                 found[number] = [group, 0, place]
             continue
@@ -171,13 +172,16 @@ def _variables(layout: Layout, samples: int) -> list[Any]:
 
 
 def _origins(formulation: Formulation) -> list[Any]:
-    """For each row its equation and its sample from 0; null for priors and noise sets."""
+    """For each row its equation and its sample from 0; null for priors and noise sets.
+
+    Rows that define sums of products have the number of the sum, from 0.
+    """
     rows, starts = formulation.rows, formulation.data.starts
     found: list[Any] = []
     for origin, name, record, sample in zip(
         rows.origin, rows.equation, rows.record.tolist(), rows.sample.tolist(), strict=True
     ):
-        place = int(starts[record - 1]) + sample - 1
+        place = len(found) if name == LIFTED else int(starts[record - 1]) + sample - 1
         found.append([name, place] if origin == "model" else None)
     return found
 

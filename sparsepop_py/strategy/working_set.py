@@ -331,7 +331,9 @@ class WorkingSetSearch:
         options = replace(
             context.options,
             refine="none",
-            branch_on=None if branch is None else tuple(int(place[v]) for v in branch),
+            branch_on=None
+            if branch is None
+            else tuple(int(v) for v in place[list(branch)] if v >= 0),
         )
         shared = whole.shared_state
         specs = _from_stars(shared.specs)

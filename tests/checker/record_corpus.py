@@ -163,7 +163,7 @@ def several() -> Iterator[Case]:
         yield f"two-poles-{kind}-stable", two, apart, noise, (setid.Stable(),)
         yield strong(kind)
     moved = setid.IOData(u, y + 1.0)
-    for form in ("auto", "direct", "multiplied"):
+    for form in ("auto", "direct", "multiplied", "lifted"):
         offset = setid.TransferFunction(1, 1, inputs=2, offset=True, form=form)
         yield f"two-poles-offset-{form}", moved, offset, noise_of("o", 0.02), (setid.Stable(),)
     yield "wide-second", record(3, "oi", 20, 2, 0.3), second, noise_of("oi", 0.3), ()

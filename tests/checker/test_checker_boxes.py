@@ -179,7 +179,7 @@ def test_rows_of_directions_vanish_where_the_record_was_made():
 def test_directions_need_rows_that_are_linear_in_the_parameters():
     about = Identification(loaded("two-poles-o"))
     n, p = about.problem.dimension, len(about.names)
-    side = {"rows": [0], "units": [1.0] * (n + 1), "factors": [1.0]}
+    side = {"rows": [1], "units": [1.0] * (n + 1), "factors": [1.0]}
     free = [[-INF] * p, [INF] * p]
     with pytest.raises(reading.Malformed, match="not linear"):
         cube_side(about, side, [Fraction(1)] * p, free, (0, 0))

@@ -333,6 +333,57 @@ def test_hundreds_of_damaged_records_prove_nothing_false():
     assert said["refused"] + said["malformed"] > 300
 
 
+# ---- unknowns that stand for sums of products ---------------------------------------------------
+
+
+def lifted_places(found: dict) -> tuple[int, int]:
+    """The first row that defines such an unknown, and the place of the unknown."""
+    row = next(k for k, origin in enumerate(found["rows"]) if origin and origin[0] == "lifted")
+    return row, found["variables"].index(["lifted", 0, found["rows"][row][1]])
+
+
+def lifted_damage() -> dict:
+    """What may not pass: each change of the file, by what it would believe."""
+
+    def changed(found: dict, row: int) -> None:
+        found["problem"]["constraints"][row]["polynomial"]["coefficients"]["data"][0] *= 2
+
+    def inequality(found: dict, row: int) -> None:
+        found["problem"]["constraints"][row]["kind"] = "NONNEGATIVE"
+
+    def twice(found: dict, row: int) -> None:
+        found["rows"][row + 1] = found["rows"][row]
+
+    def bounded(found: dict, _: int) -> None:
+        found["problem"]["upper"]["data"][lifted_places(found)[1]] = 10.0
+
+    def given(found: dict, row: int) -> None:
+        found["problem"]["constraints"].append(found["problem"]["constraints"][row])
+        found["rows"].append(None)
+
+    def of_samples(found: dict, row: int) -> None:
+        sample = next(k for k, origin in enumerate(found["rows"]) if origin and origin[0] == "y1")
+        found["rows"][sample] = ["lifted", 0]
+
+    return {f.__name__: f for f in (changed, inequality, twice, bounded, given, of_samples)}
+
+
+def test_rows_in_sums_of_products_are_those_of_the_record():
+    found = loaded("two-poles-o")
+    assert found["structure"]["form"] == "lifted" and lifted_places(found)[0] == 0
+    lines = Identification(found).check()
+    assert not any(line.startswith("taken as given") for line in lines)
+    assert sum("attained from" in line for line in lines) == len(found["parameters"])
+
+
+@pytest.mark.parametrize("name", lifted_damage())
+def test_sums_of_products_are_nothing_else(name):
+    found = loaded("two-poles-o")
+    lifted_damage()[name](found, lifted_places(found)[0])
+    with pytest.raises((NotProved, reading.Malformed)):
+        Identification(found).check_rows()
+
+
 # ---- rows by hand -------------------------------------------------------------------------------
 
 

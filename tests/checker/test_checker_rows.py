@@ -152,13 +152,15 @@ def test_an_offset_of_the_output_is_multiplied_by_each_denominator():
     for form, factors in (
         ("direct", [()]),
         ("multiplied", [(), ("a[1,1]1",), ("a[1,2]1",), ("a[1,1]1", "a[1,2]1")]),
+        ("lifted", [(), ("a[1,1]1",), ("a[1,2]1",), ("a[1,1]1", "a[1,2]1")]),
     ):
         made = Structure(table | flags | {"form": form}, 2, 1)
         constant = [term for term in made.equation("y1") if not term.signal]
         assert all(term.sign == -1 and not term.lag for term in constant)
         assert sorted(term.parameters for term in constant) == sorted((*f, "c") for f in factors)
-    with pytest.raises(reading.Malformed, match="zero"):
-        Structure(table | flags | {"form": "multiplied", "initial": "zero"}, 2, 1)
+    for form in ("multiplied", "lifted"):
+        with pytest.raises(reading.Malformed, match="zero"):
+            Structure(table | flags | {"form": form, "initial": "zero"}, 2, 1)
 
 
 def test_a_product_with_a_factor_around_zero_bounds_nothing():
