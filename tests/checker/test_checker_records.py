@@ -17,6 +17,7 @@ from record_corpus import written
 
 import setid
 from checker import command
+from checker.arithmetic.polynomial import Polynomial
 from checker.files import reading
 from checker.records.parameter_box import KINDS
 from checker.records.record import Identification
@@ -365,7 +366,16 @@ def lifted_damage() -> dict:
         sample = next(k for k, origin in enumerate(found["rows"]) if origin and origin[0] == "y1")
         found["rows"][sample] = ["lifted", 0]
 
-    return {f.__name__: f for f in (changed, inequality, twice, bounded, given, of_samples)}
+    def constant(found: dict, _: int) -> None:
+        rows = zip(found["rows"], found["problem"]["constraints"], strict=True)
+        polynomial = next(c for origin, c in rows if origin and origin[0] == "y1")["polynomial"]
+        width = polynomial["words"]["shape"][1]
+        words = np.reshape(polynomial["words"]["data"], (-1, width))
+        (place,) = np.flatnonzero(~words.any(axis=1))
+        polynomial["coefficients"]["data"][place] += 0.25
+
+    every = (changed, inequality, twice, bounded, given, of_samples, constant)
+    return {f.__name__: f for f in every}
 
 
 def test_rows_in_sums_of_products_are_those_of_the_record():
@@ -382,6 +392,17 @@ def test_sums_of_products_are_nothing_else(name):
     lifted_damage()[name](found, lifted_places(found)[0])
     with pytest.raises((NotProved, reading.Malformed)):
         Identification(found).check_rows()
+
+
+def test_definitions_do_not_speak_of_what_they_define():
+    """x = x^2 + 1 has no solution, and would prove anything."""
+    found = Identification(loaded("two-poles-o"))
+    letter = lifted_places(loaded("two-poles-o"))[1] + 1
+    found.problem.constraints[0].polynomial = Polynomial(
+        {(letter,): 1, (letter, letter): -1, (): -1}
+    )
+    with pytest.raises(NotProved, match="does not define"):
+        found.check_rows()
 
 
 # ---- rows by hand -------------------------------------------------------------------------------
