@@ -46,6 +46,7 @@ from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import INTERRUPTED, Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.strategy.independent_parts import independent_parts, search_parts
 from sparsepop_py.strategy.linear_tree import box_of_starts, from_convex_minimiser
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,
@@ -350,6 +351,9 @@ class _Several:
             repair=self.repair,
             points=self.points,
         )
+        parts = independent_parts(self.problem, self.objectives, first.box)
+        if parts:
+            return search_parts(parts, search)
         return search.run(), search.known
 
     def _shared_model(self, first: Model) -> Model | None:

@@ -9,8 +9,8 @@ certificate from the whole problem, and propagation over more constraints gives 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,12 +26,21 @@ from sparsepop_py.verified.arithmetic.array_cache import interned
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Argument, Certificate, Node
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.multipliers import Multipliers
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
-from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Step, Tightening
+from sparsepop_py.verified.certificate.steps import (
+    BoxProof,
+    Known,
+    Propagation,
+    Replay,
+    Step,
+    Tightening,
+)
 
-__all__ = ["Subproblem"]
+__all__ = ["Restatement", "Subproblem"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +98,19 @@ class Subproblem:
         found = monomials.distinct(np.concatenate(letters))
         variables = (found[found > 0] - 1).astype(np.int64)
         names = tuple(whole.names[v] for v in variables)
-        letter = np.zeros(whole.dimension + 1, np.int32)
-        letter[variables + 1] = np.arange(1, variables.size + 1)
-
-        def fewer(p: Polynomial) -> Polynomial:
-            words = letter[p.words]
-            return Polynomial.from_words(words, p.coefficients, variables.size, names)
-
-        constraints = [Constraint(fewer(c.polynomial), c.kind) for c in given]
+        constraints = [Constraint(_in(variables, c.polynomial, names), c.kind) for c in given]
         bounds = whole.lower[variables], whole.upper[variables]
-        problem = Problem(fewer(whole.objective), constraints, *bounds, names)
-        return Subproblem(whole, rows, variables, problem)
+        objective = _in(variables, whole.objective, names)
+        return Subproblem(whole, rows, variables, Problem(objective, constraints, *bounds, names))
+
+    def fewer(self, polynomial: Polynomial) -> Polynomial:
+        """State a polynomial in variables that are kept in these alone."""
+        return _in(self.variables, polynomial, self.problem.names)
+
+    def places(self, variables: Sequence[int]) -> list[int]:
+        """Number those of some variables that are kept, in their order here."""
+        kept = np.flatnonzero(np.isin(self.variables, np.array(variables, np.int64)))
+        return kept.tolist()
 
     def box(self, box: Interval) -> Interval:
         """Restrict a box of the whole problem to the variables kept."""
@@ -128,8 +139,6 @@ class Subproblem:
         variables = np.searchsorted(larger.variables, self.variables)
         return Subproblem(larger.problem, rows, variables, self.problem)
 
-    # ---- certificates -------------------------------------------------------------------------
-
     def restated(
         self, certificate: Certificate, steps: tuple[Step, ...], box: Interval
     ) -> Certificate:
@@ -149,16 +158,7 @@ class Subproblem:
         Certificate
             Its claim is the old one, which verification may lower.
         """
-        outside = Scaling.of_box(box)
-        made: dict[int, Node] = {}
-        for node in reversed(list(certificate.root)):  # children come behind their parents
-            children = tuple(made[id(child)] for child in node.children)
-            made[id(node)] = self._node(node, children, outside)
-        root = made[id(certificate.root)]
-        root = replace(root, box=BoxProof((*steps, *root.box.steps)))
-        return replace(
-            certificate, fingerprint=self.whole.fingerprint, root=root, problem=self.whole
-        )
+        return Restatement(self, steps, box).certificate(certificate, self.whole)
 
     def restated_steps(self, steps: Iterable[Step], box: Interval) -> tuple[Step, ...]:
         """Restate steps for the whole problem; those that need another box are left out.
@@ -169,39 +169,101 @@ class Subproblem:
         box : Interval
             The box of the whole problem.
         """
-        return self._steps(steps, Scaling.of_box(box))
+        return Restatement(self, (), box).steps(steps)
 
-    def _node(self, node: Node, children: tuple[Node, ...], outside: Scaling) -> Node:
-        branch = node.branch and (int(self.variables[node.branch[0]]), node.branch[1])
-        argument = self._argument(node.argument, outside, 0)
-        proof = BoxProof(self._steps(node.box.steps, outside))
-        return Node(proof, argument, node.empty, branch, children)
 
-    def _steps(self, steps: Iterable[Step], outside: Scaling) -> tuple[Step, ...]:
-        restated = (self._step(step, outside) for step in steps)
+@dataclass(frozen=True, eq=False)
+class Restatement:
+    """Certificates of a smaller problem, restated for the whole one. Remembers steps.
+
+    What several certificates share is restated once, so that it is verified once.
+
+    Parameters
+    ----------
+    small : Subproblem
+    first : tuple of Step
+        They prove the box for the whole problem.
+    box : Interval
+        The box of the whole problem.
+    """
+
+    small: Subproblem
+    first: tuple[Step, ...]
+    box: Interval
+    _known: dict[int, tuple[object, Any]] = field(default_factory=dict)
+
+    def certificate(self, certificate: Certificate, whole: Problem) -> Certificate:
+        """Restate a certificate for the whole problem with its objective.
+
+        Parameters
+        ----------
+        certificate : Certificate
+        whole : Problem
+        """
+        made: dict[int, Node] = {}
+        for node in reversed(list(certificate.root)):  # children come behind their parents
+            children = tuple(made[id(child)] for child in node.children)
+            made[id(node)] = self._node(node, children)
+        root = made[id(certificate.root)]
+        root = replace(root, box=BoxProof((*self.first, *root.box.steps)))
+        return replace(certificate, fingerprint=whole.fingerprint, root=root, problem=whole)
+
+    def steps(self, steps: Iterable[Step]) -> tuple[Step, ...]:
+        """Restate steps; those that need another box are left out.
+
+        Parameters
+        ----------
+        steps : iterable of Step
+        """
+        restated = (self._once(step, self._step) for step in steps)
         return tuple(step for step in restated if step is not None)
 
-    def _step(self, step: Step, outside: Scaling) -> Step | None:
+    def _once(self, given: Any, make: Callable[[Any], Any]) -> Any:
+        if id(given) not in self._known:
+            self._known[id(given)] = given, make(given)
+        return self._known[id(given)][1]
+
+    @cached_property
+    def _outside(self) -> Scaling:
+        return Scaling.of_box(self.box)
+
+    def _node(self, node: Node, children: tuple[Node, ...]) -> Node:
+        branch = node.branch and (int(self.small.variables[node.branch[0]]), node.branch[1])
+        argument = self._argument(node.argument, 0)
+        return Node(BoxProof(self.steps(node.box.steps)), argument, node.empty, branch, children)
+
+    def _step(self, step: Step) -> Step | None:
         """Restate a step; None, which proves nothing, for kinds that need another box."""
         if isinstance(step, Propagation):
             return step
+        if isinstance(step, Known):
+            return Known(tuple(self._quoted(*bound) for bound in step.bounds))
         if not isinstance(step, Tightening):
             return None
-        argument = self._argument(step.argument, outside, int(step.uses_cutoff))
+        argument = self._argument(step.argument, int(step.uses_cutoff))
+        if argument is None or isinstance(argument, ExactGram):
+            return None
+        return replace(step, variable=self.small.variables[step.variable], argument=argument)
+
+    def _quoted(self, variable: int, side: int, proof: Any) -> tuple[int, int, Any]:
+        """Restate the certificate of another objective, side * x_v."""
+        place = int(self.small.variables[variable])
+        about = Replay(self.small.whole, None).about(place, side)
+        return place, side, self._once(proof, lambda given: self.certificate(given, about))
+
+    def _argument(self, argument: Argument | None, cutoffs: int) -> Argument | None:
+        """Restate multipliers; ``cutoffs`` rows stand behind the constraints."""
+        if isinstance(argument, ExactDual):
+            return self._exact(argument, cutoffs)
+        if isinstance(argument, ExactGram):
+            return replace(argument, basis=self._words(argument.basis))
         if argument is None:
             return None
-        return replace(step, variable=self.variables[step.variable], argument=argument)
-
-    def _argument(
-        self, argument: Argument | None, outside: Scaling, cutoffs: int
-    ) -> Identity | LinearDual | None:
-        """Restate multipliers; ``cutoffs`` rows stand behind the constraints."""
-        if not isinstance(argument, (Identity, LinearDual)):
-            return None
         number = self._numbers[cutoffs]
-        single = generators.count(len(self.whole.constraints) + cutoffs, self.whole.dimension)
+        whole = self.small.whole
+        single = generators.count(len(whole.constraints) + cutoffs, whole.dimension)
         products = number_of(argument.products, number, single)
-        scaling = self._scaling(argument.scaling, outside)
+        scaling = self._scaling(argument.scaling)
         if isinstance(argument, LinearDual):
             return replace(
                 argument,
@@ -216,6 +278,25 @@ class Subproblem:
             priced = replace(priced, words=self._words(priced.words))
         return Identity(scaling, groups, products, priced)
 
+    def _exact(self, dual: ExactDual, cutoffs: int) -> ExactDual:
+        """Restate rational multipliers: constraints, a cutoff, lower and upper bounds."""
+        own, whole, n = self.small.rows.size, self.small.whole, self.small.variables.size
+        m = len(whole.constraints) + cutoffs
+        ends = (m + side * whole.dimension + self.small.variables for side in (0, 1))
+        cutoff = np.arange(m - cutoffs, m)
+        numbers = np.concatenate([self.small.rows, cutoff, *ends])
+        assert numbers.size == own + cutoffs + 2 * n
+        free = np.full(whole.dimension, np.inf)
+        gram = None if dual.gram is None else replace(dual.gram, basis=self._words(dual.gram.basis))
+        return ExactDual(
+            self.small.point(dual.lower, -free),
+            self.small.point(dual.upper, free),
+            numbers[dual.row],
+            self._words(dual.word),
+            dual.value,
+            gram,
+        )
+
     def _multipliers(
         self, group: Multipliers, number: NDArray[np.int64], single: int
     ) -> Multipliers:
@@ -225,32 +306,32 @@ class Subproblem:
     @cached_property
     def _numbers(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Generators of the whole problem by those of the smaller, without and with a cutoff."""
-        found = []
+        small, found = self.small, []
         for cutoffs in (0, 1):
-            sizes = self.rows.size + cutoffs, len(self.whole.constraints) + cutoffs
-            number = np.zeros(generators.count(sizes[0], self.variables.size), np.int64)
-            number[1 : self.rows.size + 1] = self.rows + 1
-            number[self.rows.size + 1 : sizes[0] + 1] = sizes[1]
-            ours = generators.bound_family(sizes[0], self.variables.size)
-            theirs = generators.bound_family(sizes[1], self.whole.dimension)
+            sizes = small.rows.size + cutoffs, len(small.whole.constraints) + cutoffs
+            number = np.zeros(generators.count(sizes[0], small.variables.size), np.int64)
+            number[1 : small.rows.size + 1] = small.rows + 1
+            number[small.rows.size + 1 : sizes[0] + 1] = sizes[1]
+            ours = generators.bound_family(sizes[0], small.variables.size)
+            theirs = generators.bound_family(sizes[1], small.whole.dimension)
             for own, other in zip(ours, theirs, strict=True):
-                number[own] = other.start + self.variables
+                number[own] = other.start + small.variables
             found.append(number)
         return found[0], found[1]
 
     def _words(self, words: Words) -> Words:
-        letter = np.append(0, self.variables + 1).astype(words.dtype)
+        letter = np.append(0, self.small.variables + 1).astype(words.dtype)
         return letter[words]
 
-    def _scaling(self, scaling: Scaling, outside: Scaling) -> Scaling:
+    def _scaling(self, scaling: Scaling) -> Scaling:
         """Put the ranges of the variables left out around those of the variables kept."""
 
         def joined(rest: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
             found = rest.copy()
-            found[self.variables] = own
+            found[self.small.variables] = own
             return found
 
-        ends = None
+        outside, ends = self._outside, None
         if scaling.ends is not None:
             pairs = zip(outside.bounds, scaling.ends, strict=True)
             ends = tuple(joined(rest, own) for rest, own in pairs)
@@ -261,6 +342,13 @@ class Subproblem:
             interned(joined(outside.side, scaling.side)),
             None if ends is None else (ends[0], ends[1]),
         )
+
+
+def _in(variables: NDArray[np.int64], p: Polynomial, names: Sequence[str]) -> Polynomial:
+    """State a polynomial in some variables, numbered anew."""
+    letter = np.zeros(p.dimension + 1, np.int32)
+    letter[variables + 1] = np.arange(1, variables.size + 1)
+    return Polynomial.from_words(letter[p.words], p.coefficients, variables.size, tuple(names))
 
 
 def number_of(

@@ -72,6 +72,8 @@ class MultiObjectiveSearch:
         Known feasible points; with any, no local search runs before the first turn.
     known : dict
         What verification of certificates found, for those that quote them.
+    numbers : sequence of int, optional
+        Of the objectives, for progress; in their order from 0 when left out.
     """
 
     problem: Problem
@@ -87,6 +89,7 @@ class MultiObjectiveSearch:
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
     known: dict[Any, Any] = field(default_factory=dict)
+    numbers: Sequence[int] | None = None
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
@@ -128,6 +131,11 @@ class MultiObjectiveSearch:
         return all(auto.over or auto.exhausted for auto in self.searches)
 
     @property
+    def closed(self) -> bool:
+        """True if all gaps are closed."""
+        return all(auto.context.closed(auto.bound) for auto in self.searches)
+
+    @property
     def over(self) -> bool:
         """True if all gaps are closed or time is over."""
         return self.deadline.over or all(auto.over for auto in self.searches)
@@ -148,7 +156,7 @@ class MultiObjectiveSearch:
             context = SolveContext(
                 self.problem.with_objective(objective),
                 self.options,
-                self.stages.of_objective(number),
+                self.stages.of_objective(number if self.numbers is None else self.numbers[number]),
                 self.deadline,
                 repair=self.repaired,
                 objectives=len(self.objectives),

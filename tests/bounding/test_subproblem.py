@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -11,12 +12,20 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem
-from sparsepop_py.bounding.subproblem import Subproblem
+from sparsepop_py.bounding.subproblem import Restatement, Subproblem
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
-from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Tightening
+from sparsepop_py.verified.certificate.steps import (
+    BoxProof,
+    Known,
+    Propagation,
+    Replay,
+    Tightening,
+)
 
 SKIPS = {
     "star": Options(effort="auto", skip=["linear", "linear_tree"], gap=1e-4),
@@ -121,3 +130,55 @@ def test_steps_of_a_smaller_set_are_restated_for_a_larger_one():
     for problem, way, start in ((larger.problem, inner, larger.box(box)), (whole, small, box)):
         steps = BoxProof(way.restated_steps((*root.box.steps, step), start))
         assert steps.replay(Replay(problem, found.certificate.cutoff), start).lo[0] >= value
+
+
+def apart():
+    """Two rows that share no variable, in the order of the second part's."""
+    u, x, v, y = sp.variables(4)
+    rows = [u * v >= 1, 3 * x + 3 * y >= 1]
+    return Problem(x + y, rows, [0, 0, 0, -np.inf], [4, 9, 4, np.inf])
+
+
+@pytest.mark.parametrize("bounds", [False, True])
+def test_rational_multipliers_are_restated(bounds):
+    """x + y is a third of its row; with x <= 9 also (x + y) >= 1/3 + (x - 9) - (x - 9)."""
+    whole = apart()
+    small = Subproblem.of(whole, np.array([1]))
+    own, word = small.problem, np.zeros((1, 1), np.int32)
+    row, value = np.array([0]), (Fraction(1, 3),)
+    if bounds:  # a lower and an upper bound of x cancel each other, and cost 9
+        row, word, value = np.array([0, 1, 3]), np.zeros((3, 1), np.int32), (*value, 1, 1)
+    dual = ExactDual(own.lower, own.upper, row, word, value)
+    proved = dual.bound(own.rows, own.equality, own.objective)
+    assert proved == pytest.approx(1 / 3 - 9 * bounds)
+    found = Certificate(own.fingerprint, proved, Node(argument=dual))
+    again = small.restated(found, (), Interval(whole.lower, whole.upper))
+    assert again.verify(whole).ok and again.verify(whole).bound == proved
+
+
+def test_exact_gram_matrices_are_restated():
+    x, u, y = sp.variables(3)
+    whole = Problem(5 + (x - 2 * y) ** 2, [u**2 <= 4])
+    small = Subproblem.of(whole, np.zeros(0, np.int64))
+    basis = np.array([[0], [1], [2]], np.int32)
+    gram = ExactGram(basis, np.array([1, 1, 2]), np.array([1, 2, 2]), np.zeros(3))
+    found = Certificate(small.problem.fingerprint, 5.0, Node(argument=gram))
+    assert small.variables.tolist() == [0, 2] and found.verify(small.problem).ok
+    again = small.restated(found, (), Interval(whole.lower, whole.upper))
+    assert again.verify(whole).ok
+
+
+def test_quoted_bounds_are_restated_once():
+    """Two certificates quote the same one: its restatement is the same object."""
+    whole = chain()
+    small = Subproblem.of(whole, np.array([2, 3, 4, 5]), np.array([0, 1]))
+    quoted = sp.solve(small.problem, SKIPS["star"]).certificate
+    step = Known(((0, 1, quoted),))
+    restatement = Restatement(small, (), Interval(whole.lower, whole.upper))
+    one, other = restatement.steps((step,)), restatement.steps((step, Propagation(1, False)))
+    assert one[0] is other[0] and isinstance(other[1], Propagation)
+    ((variable, side, proof),) = one[0].bounds
+    assert (variable, side) == (0, 1)
+    replay = Replay(whole, None)
+    box = replay.step(one[0], Interval(whole.lower, whole.upper))
+    assert box.lo[0] == quoted.bound and proof.verify(replay.about(0, 1)).ok
