@@ -57,7 +57,7 @@ class Part:
 def independent_parts(
     problem: Problem, objectives: Sequence[Polynomial], box: Interval
 ) -> list[Part]:
-    """Split a problem into parts; none where it is whole, or a part has no objective.
+    """Split a problem; into nothing where a part has no objective.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def search_parts(
 
 
 def _search_of(part: Part, whole: MultiObjectiveSearch) -> MultiObjectiveSearch:
-    """The search over one part, from the same starts and points."""
+    """Prepare the search over one part, from the same starts and points."""
     small, branch = part.small, whole.options.branch_on
     kept = None if branch is None else tuple(small.places(branch))
     start = whole.starts[0] if whole.starts else whole.model.box.middle()
@@ -164,7 +164,7 @@ def _search_of(part: Part, whole: MultiObjectiveSearch) -> MultiObjectiveSearch:
 
 @dataclass(frozen=True, eq=False)
 class _RepairOfPart:
-    """Repair of vectors of a part: the others stay as in a start."""
+    """Repairs vectors of a part: the others stay as in a start."""
 
     repair: Callable[[NDArray[Any]], NDArray[Any]]
     small: Subproblem
@@ -176,7 +176,7 @@ class _RepairOfPart:
 
 
 def _point_in(small: Subproblem, point: ProvedPoint) -> ProvedPoint | None:
-    """A feasible point of the whole problem as one of a part."""
+    """Restrict a feasible point of the whole problem to a part."""
     kept = np.isin(point.rows, small.rows)
     rows = np.searchsorted(small.rows, point.rows[kept])
     solved = np.searchsorted(small.variables, point.solved[kept])
@@ -185,7 +185,7 @@ def _point_in(small: Subproblem, point: ProvedPoint) -> ProvedPoint | None:
 
 
 def _joined(parts: Sequence[Part], points: Sequence[ProvedPoint | None]) -> ProvedPoint | None:
-    """A point of the whole problem from one of each part, to be proved; None if one has none."""
+    """Put a point together from one of each part, to be proved; None if one has none."""
     whole = parts[0].small.whole
     x, proof = np.clip(np.zeros(whole.dimension), whole.lower, whole.upper), 0
     rows, solved = [], []
@@ -207,7 +207,7 @@ def _restated(
     whole: MultiObjectiveSearch,
     restatement: Restatement,
 ) -> SearchState:
-    """What was found of an objective on its part, about the whole problem."""
+    """Restate what was found of an objective on its part for the whole problem."""
     outcome = state.outcome
     proofs = [
         None if proof is None else restatement.certificate(proof, about)
