@@ -22,6 +22,7 @@ WHOLE: Interval = (-INF, INF)
 ZERO: Interval = (0, 0)
 
 _K = 1152  # the least positive double is 2**-1074
+ONE: Interval = (1 << _K, 1 << _K)
 
 
 def below(value: Fraction | float | int) -> End:
@@ -158,7 +159,7 @@ def roots(value: Interval, n: int, x: Interval) -> Interval:
 
 def monomial_range(word: tuple[int, ...], box: Sequence[Interval]) -> Interval:
     """Enclose a monomial over a box."""
-    found: Interval = (1 << _K, 1 << _K)
+    found = ONE
     for variable, n in powers(word):
         found = times(found, power(box[variable], n))
     return found

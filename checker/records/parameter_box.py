@@ -7,8 +7,10 @@ bound them where rows one by one do not (``Directions``).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
+from itertools import chain
+from math import comb
 from typing import Any
 
 from ..arithmetic import interval as iv
@@ -34,6 +36,8 @@ from .denominators import by_denominators
 from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
 from .simulation import by_simulation
 
+Factors = list[list[int]]  # denominators, by the letters of their coefficients from lag 1 on
+Pairs = Sequence[tuple[list[Word], iv.Interval]]  # columns and what they lie in
 LARGEST = Fraction(4)  # s above this needs no proof
 SWEEPS = 3  # over the columns of products
 # Boxes whose proofs a file may leave out: setid verify checks them, this program does not.
@@ -98,9 +102,13 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
     if nothing(found):
         return [[INF] * p, [-INF] * p]
     known = [(iv.below(a), iv.above(b)) for a, b in zip(*found, strict=True)]
+    pairs = list(zip(columns, known, strict=True))
+    every_factor = denominators(rows.about)
+    for factors in every_factor:
+        settle_denominators(factors, pairs, box)
     for _ in range(SWEEPS):
-        for column, pair in zip(columns, known, strict=True):
-            settle(column, pair, box)
+        for column, pair in pairs:
+            settle(column, pair, box, pairs, every_factor)
             if any(a > b for a, b in box):
                 return [[INF] * p, [-INF] * p]
     return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
@@ -127,12 +135,82 @@ def without(monomial: Word, place: int) -> Word:
     return monomial[:place] + monomial[place + 1 :]
 
 
-def settle(column: list[Word], known: iv.Interval, box: list[iv.Interval]) -> None:
+def denominators(about: Any) -> list[Factors]:
+    """List the denominators, by their letters, of each output that has several."""
+    if about.structure is None:
+        return []
+    letter = {name: v for v, name in enumerate(about.names, 1)}
+    outputs = [about.structure.denominators(i) for i in about.structure.outputs]
+    return [[[letter[name] for name in d] for d in found] for found in outputs if len(found) > 1]
+
+
+def product_of(factors: Factors) -> dict[int, list[Word]]:
+    """Multiply 1 + a_1 q^-1 + ... to the products of parameters at each lag."""
+    found: dict[int, list[Word]] = {0: [()]}
+    for letters in factors:
+        longer: dict[int, list[Word]] = {}
+        for lag, words in found.items():
+            for k, v in enumerate([0, *letters]):
+                more = [tuple(sorted((*word, v) if v else word)) for word in words]
+                longer.setdefault(lag + k, []).extend(more)
+        found = longer
+    return found
+
+
+def settle_denominators(factors: Factors, pairs: Pairs, box: list[iv.Interval]) -> None:
+    """Bound monic polynomials by their product: |a_i| <= C(n, i) M, M at most its length."""
+    square = iv.ONE
+    for lag, words in product_of(factors).items():
+        if lag:
+            low, high = total_by(words, pairs, box)
+            far = max(-low, high)
+            square = iv.plus(square, iv.power((-far, far), 2))
+    size = iv.root_above(square[1], 2)
+    for letters in factors:
+        for i, v in enumerate(letters, 1):
+            count = comb(len(letters), i)
+            far = size if size == INF else count * size
+            box[v - 1] = max(box[v - 1][0], -far), min(box[v - 1][1], far)
+
+
+def total_by(terms: list[Word], pairs: Pairs, box: list[iv.Interval]) -> iv.Interval:
+    """Enclose a sum of products by the columns that are part of it."""
+    left, found = set(terms), iv.ZERO
+    for column, known in pairs:
+        if left.issuperset(column):
+            low, high = total(column, box)
+            found = iv.plus(found, (max(low, known[0]), min(high, known[1])))
+            left.difference_update(column)
+    return iv.plus(found, total([word for word in terms if word in left], box))
+
+
+def at_one(factors: Factors, box: list[iv.Interval]) -> iv.Interval:
+    """Enclose the product of denominators at q = 1, factor by factor."""
+    found = iv.ONE
+    for letters in factors:
+        found = iv.times(found, iv.plus(iv.ONE, total([(v,) for v in letters], box)))
+    return found
+
+
+def settle(
+    column: list[Word],
+    known: iv.Interval,
+    box: list[iv.Interval],
+    pairs: Pairs = (),
+    every_factor: Sequence[Factors] = (),
+) -> None:
     """Solve a sum of products in ``known`` for every factor, in place; first for shared ones."""
     for v in column[0]:
         if all(monomial.count(v) == 1 for monomial in column):
-            low, high = iv.quotient(known, total([without(m, m.index(v)) for m in column], box))
-            box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
+            others = [without(m, m.index(v)) for m in column]
+            low, high = total_by(others, pairs, box)
+            for factors in every_factor:
+                if sorted(others) == sorted(chain(*product_of(factors).values())):
+                    whole = at_one(factors, box)
+                    low, high = max(low, whole[0]), min(high, whole[1])
+            if low <= high:
+                low, high = iv.quotient(known, (low, high))
+                box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
     for monomial in column:
         rest = total([other for other in column if other != monomial], box)
         own = iv.minus(known, rest)

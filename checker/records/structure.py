@@ -70,6 +70,10 @@ class Structure:
         pair = "" if self.given.common_denominator else self._pair(i, j)
         return tuple(f"a{pair}{lag}" for lag in range(1, self.given.na[i][j] + 1))
 
+    def denominators(self, i: int) -> list[tuple[str, ...]]:
+        """List the distinct denominators of an output other than 1."""
+        return [d for d in dict.fromkeys(self.denominator(i, j) for j in self.inputs) if d]
+
     def numerator(self, i: int, j: int) -> list[tuple[int, str]]:
         """List lags and names of the coefficients of a numerator."""
         first = self.given.nk[i][j]
@@ -122,8 +126,7 @@ class Structure:
 
     def direct(self, i: int) -> list[Term]:
         """Write the equation of an output with all denominators multiplied out."""
-        own = [self.denominator(i, j) for j in self.inputs]
-        distinct = [d for d in dict.fromkeys(own) if d]
+        own, distinct = [self.denominator(i, j) for j in self.inputs], self.denominators(i)
         found = [Term(1, names, f"y{i + 1}", lag) for lag, names in multiplied(distinct)]
         for j in self.inputs:
             others = multiplied([d for d in distinct if d != own[j]])

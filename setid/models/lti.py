@@ -209,13 +209,19 @@ class TransferFunction(InNotebook):
         direct = tuple(self._multiplied(i) for i in range(self.outputs))
         return direct if all(equation.linear_in_parameters for equation in direct) else ()
 
-    def _denominators(self, i: int) -> list[tuple[str, ...]]:
-        """Distinct denominators of output i, without trivial ones."""
+    def denominators(self, i: int) -> list[tuple[str, ...]]:
+        """List the distinct denominators of an output, without trivial ones.
+
+        Parameters
+        ----------
+        i : int
+            The output, from 0.
+        """
         return [d for d in dict.fromkeys(self._denominator(i, j) for j in range(self.inputs)) if d]
 
     def _splits(self, i: int) -> bool:
-        several = len(self._denominators(i)) > 1 or (
-            bool(self._denominators(i)) and () in [self._denominator(i, j) for j in self._js]
+        several = len(self.denominators(i)) > 1 or (
+            bool(self.denominators(i)) and () in [self._denominator(i, j) for j in self._js]
         )
         return self.form == "partial" or (self.form == "auto" and several)
 
@@ -228,7 +234,7 @@ class TransferFunction(InNotebook):
 
         Where c is added to the output itself, (1 + sum a) of each denominator multiplies it.
         """
-        denominators = self._denominators(i)
+        denominators = self.denominators(i)
         left = [_times_signal(t, f"y{i + 1}", 1.0) for t in expand(denominators)]
         right = []
         for j in self._js:

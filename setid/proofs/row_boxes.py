@@ -11,6 +11,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
+from setid.models.lti import TransferFunction
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
@@ -69,4 +70,17 @@ def product_rows(formulation: Formulation) -> ProductRows | None:
     known = found.regression
     fields = known.names, known.target, known.regressors, known.radius, known.radii
     places = (frozen(np.array(array)) for array in (where, record, sample, channel))
-    return replace(found, regression=Regression(*fields, *places))
+    denominators = _denominators(formulation)
+    return replace(found, regression=Regression(*fields, *places), denominators=denominators)
+
+
+def _denominators(formulation: Formulation) -> tuple[tuple[tuple[int, ...], ...], ...]:
+    """Number the coefficients of the denominators that are multiplied out, output by output."""
+    model, number = formulation.model, {n: k for k, n in enumerate(formulation.parameters)}
+    if not isinstance(model, TransferFunction):
+        return ()
+    return tuple(
+        tuple(tuple(number[name] for name in names) for names in model.denominators(output))
+        for output in range(model.outputs)
+        if len(model.denominators(output)) > 1
+    )

@@ -185,7 +185,7 @@ def _point_in(small: Subproblem, point: ProvedPoint) -> ProvedPoint | None:
 
 
 def _joined(parts: Sequence[Part], points: Sequence[ProvedPoint | None]) -> ProvedPoint | None:
-    """Put a point together from one of each part, to be proved; None if one has none."""
+    """Put a point together from those of the parts; None where one has none."""
     whole = parts[0].small.whole
     x, proof = np.clip(np.zeros(whole.dimension), whole.lower, whole.upper), 0
     rows, solved = [], []

@@ -12,7 +12,7 @@ from checker.arithmetic import interval as iv
 from checker.certificates.left_inverse import contracts
 from checker.files import reading
 from checker.records.linear_rows import Regression, combined, given_row
-from checker.records.parameter_box import by_products, settle, total
+from checker.records.parameter_box import by_products, settle, settle_denominators, total
 from checker.records.structure import Record, Structure
 from checker.result import NotProved
 
@@ -135,6 +135,37 @@ def test_a_factor_that_all_products_share_is_divided_by_their_other_factors():
     assert near(box[2], Fraction(6, 5), 6) and near(box[0], 1, 2) and near(box[1], 0, 1)
 
 
+def test_columns_bound_what_they_are_part_of():
+    """c + c a + c a' + c a a' = 3 with a + a' in [-1, 0], a a' in [1, 2]: c in [1, 3]."""
+    column, box = [(3,), (1, 3), (2, 3), (1, 2, 3)], grid((-9, 9), (-9, 9), (-999, 999))
+    pairs = list(zip([column, [(1,), (2,)], [(1, 2)]], grid((3, 3), (-1, 0), (1, 2)), strict=True))
+    settle(*pairs[0], box, pairs)
+    assert near(box[2], 1, 3)
+
+
+def test_denominators_at_one_are_a_product():
+    """c (1 + a) (1 + a') = 2 with a, a' in [-3/4, 1]: c in [1/2, 32]."""
+    box = grid((Fraction(-3, 4), 1), (Fraction(-3, 4), 1), (-999, 999))
+    column, known = [(3,), (1, 3), (2, 3), (1, 2, 3)], grid((2, 2))[0]
+    settle(column, known, list(box), [(column, known)])
+    settle(column, known, box, [(column, known)], [[[1], [2]]])
+    assert near(box[2], Fraction(1, 2), 32)
+
+
+def test_coefficients_of_denominators_by_those_of_their_product():
+    """Orders 2 and 1: sqrt(1 + 9 + 25 + 9) for a2 and a', twice for a1; nothing without one."""
+    columns = [[(1,), (3,)], [(2,), (1, 3)], [(2, 3)]]
+    pairs = list(zip(columns, grid((3, 3), (-5, 5), (3, 3)), strict=True))
+    box = [iv.WHOLE] * 3
+    settle_denominators([[1, 2], [3]], pairs, box)
+    for pair, count in zip(box, (2, 1, 1), strict=True):
+        high = iv.exact(pair[1]) / count
+        assert -pair[0] == pair[1] and 0 <= high**2 - 44 < Fraction(1, 10**300)
+    box = [iv.WHOLE] * 3
+    settle_denominators([[1, 2], [3]], pairs[:2], box)
+    assert box == [iv.WHOLE] * 3
+
+
 def test_squares_and_factors_of_some_products_are_not_shared():
     """a^2 + a b = 2 at a = -2, b = 1, and a b + c = 2 at a = 2, b = 1, c = 0: both stay."""
     box = grid((-2, 2), (1, 1))
@@ -171,7 +202,7 @@ def test_a_product_with_a_factor_around_zero_bounds_nothing():
 
 def products(columns, ends):
     """A step of products whose own rows say only what the box says."""
-    about = SimpleNamespace(names=["a", "b"])
+    about = SimpleNamespace(names=["a", "b"], structure=None)
     step = {"columns": columns, "steps": []}
     return by_products(step, Regression(about, [[(1,)], [(2,)]]), ends)
 

@@ -5,14 +5,27 @@ the rows as for parameters (:mod:`sparsepop_py.verified.uncertain_rows.sign_tree
 factor is bounded by the quotient: g lies in (b*g) / b where b excludes zero; with sum b - sum a
 = 1 the sum of all b_j*g is g (1 + sum a). Products with equal coefficients in all rows share one
 column, which stands for their sum. A bound of the sum bounds one of them where the others are
-bounded, and a factor that all of them share: c lies in (c + c*a + c*b) / (1 + a + b).
+bounded, and a factor that all of them share: c lies in (c + c*a + c*b) / (1 + a + b), where a
+column that is a + b bounds that sum.
+
+Where denominators 1 + a_1 q^-1 + ... are multiplied out, the coefficients of their product bound
+those of each: its zeros are zeros of the product, so that |a_i| <= C(n, i) M for a denominator of
+order n, with M the product of all max(1, |zero|), and M is at most the root of the sum of the
+squared coefficients of the product, 1 among them.
+
+References
+----------
+E. Landau, Sur quelques theoremes de M. Petrovic relatifs aux zeros des fonctions analytiques,
+Bull. Soc. Math. France 33, 1905 (M). M. Mignotte, An inequality about factors of polynomials,
+Math. Comp. 28, 1974 (factors).
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from itertools import product as every_choice
+from math import comb, inf, nextafter, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +55,9 @@ Total = tuple[Monomial, ...]  # a sum of monomials
 Gain = tuple[tuple[int, ...], tuple[int, ...]]  # numerator and denominator of a block
 
 
+Factors = tuple[tuple[int, ...], ...]  # denominators that are multiplied, each from lag 1 on
+
+
 _SWEEPS = 3
 
 
@@ -58,12 +74,16 @@ class ProductRows:
     parameters : tuple of str
     gains : tuple of (numerator, denominator)
         Parameters with sum of the numerator = 1 + sum of the denominator (a static gain of 1).
+    denominators : tuple of tuple of tuple of int
+        For each output its denominators, by their parameters from lag 1 on; rows hold their
+        product.
     """
 
     regression: UncertainRows
     columns: tuple[Total, ...]
     parameters: tuple[str, ...]
     gains: tuple[Gain, ...] = ()
+    denominators: tuple[Factors, ...] = ()
 
     def start(self, box: Reals) -> Reals:
         """Bound all columns (2, q) on a box (2, p) of theta, rounded outwards."""
@@ -96,11 +116,17 @@ class ProductRows:
         """Tighten the box (2, p) of theta by ranges of columns and sums."""
         columns = zip(self.columns, low.tolist(), high.tolist(), strict=True)
         ends = {column: (a, b) for column, a, b in columns}
-        return contracted(box, ends | dict(zip(self.sums, sums, strict=bool(sums))), self.gains)
+        totals = ends | dict(zip(self.sums, sums, strict=bool(sums)))
+        return contracted(box, totals, self.gains, self.denominators)
 
 
-def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) -> Reals:
-    """Tighten a box of theta by sums of products and unit gains.
+def contracted(
+    box: Reals,
+    totals: Mapping[Total, Ends],
+    gains: Sequence[Gain],
+    denominators: Sequence[Factors] = (),
+) -> Reals:
+    """Tighten a box of theta by sums of products, unit gains and products of denominators.
 
     Parameters
     ----------
@@ -109,6 +135,8 @@ def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) 
         Bounds of their sum.
     gains : sequence of (numerator, denominator)
         Static gains that are 1.
+    denominators : sequence of denominators
+        Those that are multiplied with each other.
 
     Returns
     -------
@@ -116,9 +144,11 @@ def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) 
         Rounded outwards; ends that cross where nothing is left.
     """
     ends = [(float(a), float(b)) for a, b in box.T]
+    for factors in denominators:
+        _settle_denominators(ends, factors, totals)
     for _ in range(_SWEEPS):
         for terms, found in totals.items():
-            _settle_total(ends, terms, found)
+            _settle_total(ends, terms, found, totals, denominators)
         for numerator, denominator in gains:
             _settle_gain(ends, numerator, denominator)
             _settle_factors(ends, numerator, denominator, totals)
@@ -131,12 +161,62 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
     return ranges[0] if len(ranges) == 1 else sum_of(ranges)
 
 
-def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
+def _sum_by(ends: Sequence[Ends], terms: Total, totals: Mapping[Total, Ends]) -> Ends:
+    """Bound a sum of monomials by the bounds of sums that are part of it."""
+    left, ranges = set(terms), []
+    for part, found in totals.items():
+        if left.issuperset(part):
+            ranges.append(meet(found, _total(ends, part)))
+            left.difference_update(part)
+    ranges += [product([ends[i] for i in monomial]) for monomial in terms if monomial in left]
+    return sum_of(ranges)
+
+
+def _multiplied(factors: Factors) -> dict[int, list[Monomial]]:
+    """List the coefficients of a product of denominators by their lags; 1 at lag 0."""
+    coefficients: dict[int, list[Monomial]] = {}
+    for choice in every_choice(*(enumerate((-1, *names)) for names in factors)):
+        monomial = tuple(sorted(i for _, i in choice if i >= 0))
+        coefficients.setdefault(sum(lag for lag, _ in choice), []).append(monomial)
+    return coefficients
+
+
+def _at_one(ends: Sequence[Ends], factors: Factors) -> Ends:
+    """Bound the product of denominators at q = 1, factor by factor."""
+    return product([sum_of([(1.0, 1.0), *(ends[i] for i in names)]) for names in factors])
+
+
+def _settle_denominators(ends: list[Ends], factors: Factors, totals: Mapping[Total, Ends]) -> None:
+    """Bound the coefficients of monic polynomials by those of their product."""
+    coefficients, square = _multiplied(factors), 1.0
+    for lag in range(1, max(coefficients) + 1):
+        low, high = _sum_by(ends, tuple(coefficients[lag]), totals)
+        largest = max(-low, high)
+        square = nextafter(square + nextafter(largest * largest, inf), inf)
+    size = nextafter(sqrt(square), inf)
+    for names in factors:
+        for lag, i in enumerate(names, 1):
+            far = nextafter(comb(len(names), lag) * size, inf)
+            ends[i] = meet(ends[i], (-far, far))
+
+
+def _settle_total(
+    ends: list[Ends],
+    total: Total,
+    found: Ends,
+    totals: Mapping[Total, Ends],
+    denominators: Sequence[Factors],
+) -> None:
     """Solve a sum of monomials in ``found`` for each monomial and factor."""
     for i in total[0] if len(total) > 1 else ():
         if all(monomial.count(i) == 1 for monomial in total):
             cofactors = tuple(tuple(j for j in monomial if j != i) for monomial in total)
-            ends[i] = meet(ends[i], quotient(found, _total(ends, cofactors)))
+            divisor = _sum_by(ends, cofactors, totals)
+            for factors in denominators:
+                whole = [m for parts in _multiplied(factors).values() for m in parts]
+                if sorted(whole) == sorted(cofactors):
+                    divisor = meet(divisor, _at_one(ends, factors))
+            ends[i] = meet(ends[i], quotient(found, divisor))
     for monomial in total:
         rest = tuple(other for other in total if other != monomial)
         mine = plus(found, times((-1.0, -1.0), _total(ends, rest))) if rest else found

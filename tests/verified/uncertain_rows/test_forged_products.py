@@ -92,6 +92,87 @@ def test_static_gains_lose_no_parameters(seed):
     assert np.all(box[0] <= theta) and np.all(theta <= box[1])
 
 
+def denominators_of(rng) -> tuple[np.ndarray, tuple]:
+    """Two or three denominators with zeros anywhere up to 3, their coefficients as doubles."""
+    theta, factors = [], []
+    for _ in range(int(rng.integers(2, 4))):
+        zeros = rng.uniform(-3, 3, int(rng.integers(1, 4)))
+        if zeros.size > 1 and rng.integers(2):
+            zeros = np.append(zeros[2:], zeros[0] * np.exp([1j, -1j]))
+        own = np.poly(zeros).real[1:]
+        factors.append(tuple(range(len(theta), len(theta) + own.size)))
+        theta += own.tolist()
+    return np.array(theta), tuple(factors)
+
+
+@settings(max_examples=100, deadline=None)
+@given(SEEDS)
+def test_factors_of_a_product_are_not_lost(seed):
+    """What is known of the coefficients of a product bounds those of its factors, from nothing."""
+    rng = np.random.default_rng(seed)
+    theta, factors = denominators_of(rng)
+    coefficients = multiplied_by_hand(factors)
+    totals = {
+        tuple(parts): around(sum((value(m, theta) for m in parts), F(0)), rng)
+        for lag, parts in coefficients.items()
+        if lag
+    }
+    start = np.array([np.full(theta.size, -INF), np.full(theta.size, INF)])
+    box = contracted(start, totals, (), (factors,))
+    assert np.all(box[0] <= theta) and np.all(theta <= box[1])
+    assert np.all(np.isfinite(box))
+
+
+def multiplied_by_hand(factors):
+    """Monomials at each lag, by adding one denominator after the other."""
+    found = {0: [()]}
+    for names in factors:
+        longer = {}
+        for lag, parts in found.items():
+            longer.setdefault(lag, []).extend(parts)
+            for k, i in enumerate(names, 1):
+                longer.setdefault(lag + k, []).extend(tuple(sorted((*m, i))) for m in parts)
+        found = longer
+    return found
+
+
+def test_coefficients_of_two_denominators_by_hand():
+    """a + a' = 3, a a' = 2: M <= sqrt(14). (1, 2) and 1: sqrt(1 + 9 + 25 + 9), twice for a1."""
+    one = ((0,), (1,))
+    start = np.array([[-INF, -INF], [INF, INF]])
+    box = contracted(start, {((0,), (1,)): (3.0, 3.0), ((0, 1),): (2.0, 2.0)}, (), (one,))
+    close(box[:, 0], 3 - np.sqrt(14), np.sqrt(14))  # with a' = 3 - a
+    totals = {((0,), (2,)): (3.0, 3.0), ((1,), (0, 2)): (-5.0, 5.0), ((1, 2),): (3.0, 3.0)}
+    start = np.array([[-INF, -INF, -INF], [INF, INF, INF]])
+    box = contracted(start, totals, (), (((0, 1), (2,)),))
+    most = np.sqrt(44)
+    close(box[:, 1], -most, most)
+    close(box[:, 2], -most, most)
+    close(box[:, 0], 3 - most, 3 + most)
+    half = contracted(start, {((1, 2),): (3.0, 3.0)}, (), (((0, 1), (2,)),))
+    assert np.all(np.isinf(half))  # not all coefficients of the product are known
+
+
+def test_columns_bound_what_they_are_part_of():
+    """c + c a + c a' + c a a' = 3 with a + a' in [-1, 0], a a' in [1, 2]: c in [1, 3]."""
+    totals = {
+        ((2,), (0, 2), (1, 2), (0, 1, 2)): (3.0, 3.0),
+        ((0,), (1,)): (-1.0, 0.0),
+        ((0, 1),): (1.0, 2.0),
+    }
+    start = np.array([[-9.0, -9.0, -INF], [9.0, 9.0, INF]])
+    close(contracted(start, totals, ())[:, 2], 1.0, 3.0)
+
+
+def test_denominators_at_one_are_a_product():
+    """c (1 + a) (1 + a') = 2 with a, a' in [-3/4, 1]; 1 + a + a' + a a' may be zero by terms."""
+    totals = {((2,), (0, 2), (1, 2), (0, 1, 2)): (2.0, 2.0)}
+    start = np.array([[-0.75, -0.75, -INF], [1.0, 1.0, INF]])
+    assert np.isinf(contracted(start, totals, ())[1, 2])
+    lone = contracted(start, totals, (), (((0,), (1,)),))
+    close(lone[:, 2], 0.5, 32.0)
+
+
 def close(found, low, high):
     assert low - 1e-9 <= found[0] <= low and high <= found[1] <= high + 1e-9
 
