@@ -155,7 +155,7 @@ def test_denominators_at_one_are_a_product():
 def test_coefficients_of_denominators_by_those_of_their_product():
     """Orders 2 and 1: sqrt(1 + 9 + 25 + 9) for a2 and a', twice for a1; nothing without one."""
     columns = [[(1,), (3,)], [(2,), (1, 3)], [(2, 3)]]
-    pairs = list(zip(columns, grid((3, 3), (-5, 5), (3, 3)), strict=True))
+    pairs = list(zip(columns, grid((3, 3), (-5, 1), (3, 3)), strict=True))
     box = [iv.WHOLE] * 3
     settle_denominators([[1, 2], [3]], pairs, box)
     for pair, count in zip(box, (2, 1, 1), strict=True):

@@ -171,6 +171,9 @@ def test_denominators_at_one_are_a_product():
     assert np.isinf(contracted(start, totals, ())[1, 2])
     lone = contracted(start, totals, (), (((0,), (1,)),))
     close(lone[:, 2], 0.5, 32.0)
+    start = np.array([[0.0, 1.0, -INF], [1.0, 2.0, INF]])  # c (1 + a) has nothing to do with a'
+    part = contracted(start, {((2,), (0, 2)): (2.0, 2.0)}, (), (((0,), (1,)),))
+    close(part[:, 2], 1.0, 2.0)
 
 
 def close(found, low, high):
