@@ -16,7 +16,9 @@ from setid.bounding.ends import intervals_of
 from setid.bounding.long_records import equations, is_long
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import Repair, first_point
-from setid.formulation.formulation import Formulation
+from setid.formulation.completion import place_slack
+from setid.formulation.formulation import Formulation, multiplied_out
+from setid.formulation.lifting import LIFTED
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
 from setid.minimum_noise.conflicting_samples import conflicting_samples
@@ -198,8 +200,34 @@ def _start(
     found = [start]
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
+    elif _many_sums(formulation):
+        found = _ends_without_sums(formulation, problem, start)
     elif not is_long(formulation):
         return start, []
     known = solved_rows(formulation, scaled.problem)
     again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
     return start, [point for point in again if point is not None]
+
+
+def _many_sums(formulation: Formulation) -> bool:
+    """Check for sums of three products or more: local searches that hold their unknowns creep."""
+    numbers, rows = formulation.layout.group(LIFTED), formulation.problem.constraints
+    pairs = zip(numbers.tolist(), rows, strict=False)
+    return any(row.polynomial.terms > 3 for _, row in pairs)
+
+
+def _ends_without_sums(
+    formulation: Formulation, problem: sp.Problem, start: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Search for ends where the sums are no unknowns, and add these."""
+    plain = multiplied_out(formulation)
+    n, p = plain.layout.dimension, len(plain.parameters)
+    lower, upper = plain.problem.lower.copy(), plain.problem.upper.copy()
+    lower[:p], upper[:p] = problem.lower[:p], problem.upper[:p]
+    about = sp.Problem(plain.problem.objective, plain.problem.constraints, lower, upper)
+    found = []
+    for end in search_ends(plain, about, start[:n]):
+        x = np.append(end.x, np.zeros(formulation.layout.group(LIFTED).size))
+        place_slack(x, formulation, x[:p])
+        found.append(x)
+    return found

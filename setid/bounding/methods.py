@@ -29,7 +29,7 @@ from setid.feasible_points.cascades import (
     is_cascade,
 )
 from setid.feasible_set.start import find_box
-from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate, lifted
 from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
@@ -157,6 +157,9 @@ def _on_box(
     at_ends = None if settled is not None else at_linear_ends(formulation, context, outcome)
     if at_ends is not None and is_closed(at_ends):
         return at_ends
+    if settled is None:
+        formulation = lifted(formulation)
+        outcome = replace(outcome, problem=problem_on_box(formulation, box))
     p = len(formulation.parameters)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):

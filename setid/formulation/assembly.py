@@ -160,7 +160,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
 
 
 def _lifts(model: Structure) -> bool:
-    return isinstance(model, TransferFunction) and model.form == LIFTED
+    return isinstance(model, TransferFunction | BlockStructured) and model.form == LIFTED
 
 
 def _rows(found: Sequence[_Collected]) -> Rows:

@@ -37,6 +37,7 @@ __all__ = [
     "Structs",
     "check_priors",
     "formulate",
+    "lifted",
     "multiplied_out",
     "settled",
     "to_structs",
@@ -350,10 +351,37 @@ def multiplied_out(formulation: Formulation) -> Formulation:
         where there are none.
     """
     model = formulation.model
-    if not formulation.layout.group(LIFTED).size or not isinstance(model, TransferFunction):
+    plain: Structure = model
+    if isinstance(model, TransferFunction):
+        plain = replace(model, form="multiplied")
+    elif isinstance(model, BlockStructured):
+        plain = model.changed(form="auto")
+    if not formulation.layout.group(LIFTED).size:
         return formulation
-    plain = replace(model, form="multiplied")
     return formulate(formulation.data, plain, formulation.noise, formulation.priors)
+
+
+def lifted(formulation: Formulation) -> Formulation:
+    """State a block structure with sums of products as unknowns, where noise multiplies such.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Returns
+    -------
+    Formulation
+        With further unknowns behind those of the given one; the given one where nothing is gained.
+    """
+    model = formulation.model
+    if not isinstance(model, BlockStructured) or model.form != "auto":
+        return formulation
+    model = model.changed(form=LIFTED)
+    found = formulate(formulation.data, model, formulation.noise, formulation.priors)
+    words, own = found.problem.rows.words, found.layout.group(LIFTED) + 1
+    sums = np.isin(words, own)
+    noisy = np.any((words > len(found.parameters)) & ~sums, axis=1)
+    return found if np.any(noisy & np.any(sums, axis=1)) else formulation
 
 
 def to_structs(

@@ -17,6 +17,7 @@ Mathematical Programming 10, 1976 (products as further variables).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -63,6 +64,8 @@ def lift(equations: Sequence[Equation]) -> Lifting:
     Returns
     -------
     Lifting
+        Without sums where a product of parameters multiplies several signals: rows add their
+        readings up, and would not be about the same doubles.
 
     Examples
     --------
@@ -70,10 +73,13 @@ def lift(equations: Sequence[Equation]) -> Lifting:
     >>> model = setid.TransferFunction(1, 1, 1, inputs=2, form="lifted")
     >>> lifting = lift(model.equations())
     >>> lifting.sums[0]
-    ((1.0, ('a[1,1]1',)), (1.0, ('a[1,2]1',)))
+    ((1.0, ('a[1,2]1',)), (1.0, ('a[1,1]1',)))
     >>> lifting.equations[0].linear_in_parameters
     True
     """
+    words = [(e.defines, t.parameters) for e in equations for t in e.terms if t.parameters]
+    if len(set(words)) < len(words):
+        return Lifting(tuple(equations))
     sums: dict[Sum, str] = {}
     made = []
     for equation in equations:
@@ -90,8 +96,9 @@ def _joined(signals: tuple[Lagged, ...], terms: list[Term], sums: dict[Sum, str]
     first = terms[0]
     if len(terms) == 1 and len(first.parameters) <= 1:
         return first
-    own = tuple((t.coefficient / first.coefficient, _pair(t.parameters, sums)) for t in terms)
-    return Term(first.coefficient, (_named(own, sums),), signals)
+    sign = math.copysign(1.0, first.coefficient)
+    own = tuple((sign * t.coefficient, _pair(t.parameters, sums)) for t in terms)
+    return Term(sign, (_named(own, sums),), signals)
 
 
 def _pair(names: tuple[str, ...], sums: dict[Sum, str]) -> tuple[str, ...]:

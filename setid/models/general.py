@@ -217,11 +217,12 @@ class BlockStructured(InNotebook):
         ``parameters``.
     initial : {"free", "zero"}
         As for :class:`TransferFunction`.
-    form : {"auto", "direct", "partial"}
+    form : {"auto", "direct", "partial", "lifted"}
         ``"partial"``: every static map, and every entry of a target with several
         denominators, is an unknown signal, and rows are bilinear. ``"direct"``: maps of
         exact signals are inserted and denominators multiplied out. ``"auto"``: direct
-        where possible.
+        where possible. ``"lifted"``: the same, with sums of products of coefficients as
+        unknowns of their own.
 
     Raises
     ------
@@ -274,7 +275,7 @@ class BlockStructured(InNotebook):
         form: Form = "auto",
     ) -> None:
         word(initial, "initial", ("free", "zero"), ModelError)
-        word(form, "form", ("auto", "direct", "partial"), ModelError)
+        word(form, "form", ("auto", "direct", "partial", "lifted"), ModelError)
         blocks = read_blocks(linear)
         maps = read_maps(nonlinear, blocks, (inputs, outputs), initial)
         wiring = Wiring(blocks, maps, {})
@@ -381,7 +382,8 @@ class BlockStructured(InNotebook):
         ModelError
             If a basis function that is no power has an argument with noise.
         """
-        return self.wiring.equations(frozenset(noisy), self.form)
+        form: Form = "auto" if self.form == "lifted" else self.form
+        return self.wiring.equations(frozenset(noisy), form)
 
     def direct(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
         """State one equation an output in measured signals alone, with products of parameters.

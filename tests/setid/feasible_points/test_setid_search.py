@@ -11,11 +11,13 @@ import setid
 import sparsepop_py as sp
 from benchmarks.peers import scip as peers
 from benchmarks.problems.block_structured import KINDS, record
+from setid.bounding import engine
 from setid.feasible_points import start as start_points
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
+from setid.formulation.units import in_units
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 
@@ -176,3 +178,21 @@ def test_ends_with_products_of_parameters_are_searched_for() -> None:
     for name, (low, high) in ends.items():
         values = reached[:, model.parameters.index(name)]
         assert values.min() <= low + 5e-4 and values.max() >= high - 5e-4
+
+
+def test_ends_of_problems_with_many_sums_are_found_without_them():
+    """Two denominators of order 2: points at ends, whose sums of products are what theta gives."""
+    rng = np.random.default_rng(2)
+    model = setid.TransferFunction(2, 1, 1, inputs=2, form="lifted")
+    theta = [-1.1, 0.4, 0.5, 0.3, 1.0, 2.0]
+    noise, u = setid.Noise(output=0.02), rng.uniform(-1, 1, (30, 2))
+    data = setid.simulate_record(model, theta, u, noise, rng).data
+    formulation = setid.formulate(data, model, noise)
+    problem = problem_on_box(formulation, find_box(formulation))
+    start, points = engine._start(formulation, problem, in_units(problem, formulation))
+    assert start is not None and len(points) >= 10
+    about = in_units(problem, formulation)
+    for point in points:
+        assert about.problem.violation(point.x) < 1e-9
+    ends = np.array([(point.x * about.units)[:6] for point in points])
+    assert np.all(ends.min(axis=0) < theta) and np.all(theta < ends.max(axis=0))

@@ -18,6 +18,7 @@ from identification_cases import (
 
 import setid
 import sparsepop_py as sp
+from setid.formulation.formulation import lifted, multiplied_out
 from sparsepop_py.relaxation.shapes import Products
 
 FIRST = setid.TransferFunction(na=1, nb=1)
@@ -171,9 +172,9 @@ def test_lifted_rows_are_those_of_the_multiplied_form(offset: bool) -> None:
     found = setid.formulate(data, replace(model, form="lifted"), noise)
     names = found.layout.names
     assert names[: len(plain.layout.names)] == plain.layout.names
-    lifted = found.layout.group("lifted").tolist()
+    places = found.layout.group("lifted").tolist()
     rows = [as_sympy(c.polynomial, names) for c in found.problem.constraints]
-    own = [sympy.Symbol(names[number]) for number in lifted]
+    own = [sympy.Symbol(names[number]) for number in places]
     sums: dict[sympy.Symbol, sympy.Expr] = {}
     for x, row in zip(own, rows, strict=False):
         assert degree_of(row) <= 2
@@ -184,8 +185,57 @@ def test_lifted_rows_are_those_of_the_multiplied_form(offset: bool) -> None:
     assert all(same(a.subs(sums), b) for a, b in zip(rows[len(own) :], wanted, strict=True))
     assert (plain.problem.degree, max(map(degree_of, rows[len(own) :]))) == (3, 2)
     assert Products.of(found.problem).has_star
-    assert np.isinf(found.problem.lower[lifted]).all()
-    assert np.isinf(found.problem.upper[lifted]).all()
+    assert np.isinf(found.problem.lower[places]).all()
+    assert np.isinf(found.problem.upper[places]).all()
+
+
+ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 1, 1)
+
+
+def parallel(normalise: object) -> setid.BlockStructured:
+    """Two inputs, one of them through a square."""
+    wires = {("y1", "w"): ONE, ("y1", "u2"): TWO}
+    return setid.BlockStructured(wires, {"w": setid.StaticMap("u1", 2)}, 2, 1, normalise)
+
+
+def block_record(model: setid.BlockStructured) -> setid.Formulation:
+    rng = np.random.default_rng(7)
+    data = setid.IOData(rng.uniform(size=(20, model.inputs)), rng.uniform(size=20))
+    return setid.formulate(data, model, setid.Noise(output=0.1))
+
+
+@pytest.mark.parametrize(
+    ("model", "degree"), [(parallel("gamma1"), 3), (setid.Lure(ONE, 2, "nolinear"), 3)]
+)
+def test_lifted_block_structures_have_the_same_rows(
+    model: setid.BlockStructured, degree: int
+) -> None:
+    plain = block_record(model)
+    found = lifted(plain)
+    assert (plain.problem.degree, found.problem.degree) == (degree, 2)
+    names, sums = found.layout.names, {}
+    rows = [as_sympy(c.polynomial, names) for c in found.problem.constraints]
+    for number, row in zip(found.layout.group("lifted").tolist(), rows, strict=False):
+        x = sympy.Symbol(names[number])
+        sums[x] = sympy.expand((x - row).subs(sums))
+    wanted = [as_sympy(c.polynomial, plain.layout.names) for c in plain.problem.constraints]
+    pairs = zip(rows[len(sums) :], wanted, strict=True)
+    assert sums and all(same(a.subs(sums), b) for a, b in pairs)
+    again = multiplied_out(found)
+    assert again.problem.fingerprint == plain.problem.fingerprint
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        setid.Hammerstein(ONE, 2, "gamma1"),  # products multiply known samples alone
+        setid.Wiener(ONE, 2, "gamma1", initial="zero"),  # no products
+        parallel({"gamma1": 0.3, "gamma2": 0.7}),  # b1 multiplies u1 and u1^2: readings add up
+    ],
+)
+def test_nothing_is_lifted_in_vain(model: setid.BlockStructured) -> None:
+    plain = block_record(model)
+    assert lifted(plain) is plain
 
 
 def degree_of(row: sympy.Expr) -> int:
