@@ -26,7 +26,12 @@ from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.output_error import least_largest_error
 from setid.feasible_points.witness import consistent, least_noise
-from setid.formulation.formulation import Formulation, formulate, settled
+from setid.formulation.formulation import (
+    Formulation,
+    formulate,
+    settled,
+    without_partial_outputs,
+)
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.html import listing, section, table
@@ -287,6 +292,7 @@ def consistency(
         and formulation.problem.dimension == len(formulation.parameters)
     ):
         return _exactly(formulation, noise)
+    model = without_partial_outputs(formulation).model
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, until)
         if least.refuted is not None or _equations(formulation) > _LARGE:

@@ -29,11 +29,10 @@ from setid.feasible_points.cascades import (
     is_cascade,
 )
 from setid.feasible_set.start import find_box
-from setid.formulation.formulation import Formulation, formulate, lifted
+from setid.formulation.formulation import Formulation, formulate, lifted, without_partial_outputs
 from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
-from setid.models.lti import TransferFunction
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import problem_on_box
 from setid.result.assembling import Outcome
@@ -81,10 +80,8 @@ def _by_methods(formulation: Formulation, context: BoundingContext) -> Identific
     exact = by_linear_programs(formulation, context)
     if exact is not None:
         return exact
-    direct = _direct(formulation)
-    if direct is not None:
-        return _on_box(direct, context, (_DIRECT,))
-    return _on_box(formulation, context, ())
+    direct = without_partial_outputs(formulation)
+    return _on_box(direct, context, () if direct is formulation else (_DIRECT,))
 
 
 def _intersect(found: Identification, other: Identification, tol: float) -> Identification:
@@ -113,20 +110,6 @@ def _intersect(found: Identification, other: Identification, tol: float) -> Iden
     return replace(
         found, intervals=FrozenMapping(items), fewer_priors=other, notes=(*found.notes, note)
     )
-
-
-def _direct(formulation: Formulation) -> Formulation | None:
-    """The same data with denominators multiplied out, where partial outputs have no bounds."""
-    model, n = formulation.model, len(formulation.parameters)
-    problem = formulation.problem
-    open_ = np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])
-    if not isinstance(model, TransferFunction) or model.form not in ("auto", "partial"):
-        return None
-    if not np.any(open_):
-        return None
-    # an offset is on the outputs themselves; its first samples tell nothing then
-    other = replace(model, form="lifted", initial="free" if model.offset else model.initial)
-    return formulate(formulation.data, other, formulation.noise, formulation.priors)
 
 
 def _on_box(

@@ -41,6 +41,7 @@ __all__ = [
     "multiplied_out",
     "settled",
     "to_structs",
+    "without_partial_outputs",
 ]
 
 Structs = tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]
@@ -359,6 +360,30 @@ def multiplied_out(formulation: Formulation) -> Formulation:
     if not formulation.layout.group(LIFTED).size:
         return formulation
     return formulate(formulation.data, plain, formulation.noise, formulation.priors)
+
+
+def without_partial_outputs(formulation: Formulation) -> Formulation:
+    """Multiply denominators out where partial outputs have no bounds from the data.
+
+    Every consistent parameter vector is kept, and there may be more.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Returns
+    -------
+    Formulation
+        With sums of products as unknowns; the given one where nothing is multiplied out.
+    """
+    model, n, problem = formulation.model, len(formulation.parameters), formulation.problem
+    if not isinstance(model, TransferFunction) or model.form not in ("auto", "partial"):
+        return formulation
+    if not np.any(np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])):
+        return formulation
+    # an offset is on the outputs themselves; its first samples tell nothing then
+    model = replace(model, form="lifted", initial="free" if model.offset else model.initial)
+    return formulate(formulation.data, model, formulation.noise, formulation.priors)
 
 
 def lifted(formulation: Formulation) -> Formulation:
