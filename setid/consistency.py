@@ -292,7 +292,7 @@ def consistency(
         and formulation.problem.dimension == len(formulation.parameters)
     ):
         return _exactly(formulation, noise)
-    model = without_partial_outputs(formulation).model
+    model = without_partial_outputs(formulation, from_rest=True).model
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, until)
         if least.refuted is not None or _equations(formulation) > _LARGE:

@@ -26,7 +26,7 @@ from setid.feasible_points.output_error import (
     output_error_fit,
 )
 from setid.feasible_set.start import find_box
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, without_partial_outputs
 from setid.formulation.regression import Regression, check_channels, regression_of_data
 from setid.html import section, table
 from setid.minimum_noise.claims import FoundDenominators
@@ -401,8 +401,9 @@ def _output(
     data: IOData, model: Structure, norm: Norm, priors: tuple[Any, ...], settings: Options
 ) -> Fit:
     until = settings.deadline()
+    formulation = without_partial_outputs(stated(data, model, priors, 1.0), from_rest=True)
+    model = formulation.model
     local = output_error_fit(data, model, until)
-    formulation = stated(data, model, priors, 1.0)
     refuted = _refuted(formulation, norm, settings, until)
     fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
     fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))

@@ -352,24 +352,27 @@ def multiplied_out(formulation: Formulation) -> Formulation:
         where there are none.
     """
     model = formulation.model
+    if not formulation.layout.group(LIFTED).size:
+        return formulation
     plain: Structure = model
     if isinstance(model, TransferFunction):
         plain = replace(model, form="multiplied")
     elif isinstance(model, BlockStructured):
         plain = model.changed(form="auto")
-    if not formulation.layout.group(LIFTED).size:
-        return formulation
     return formulate(formulation.data, plain, formulation.noise, formulation.priors)
 
 
-def without_partial_outputs(formulation: Formulation) -> Formulation:
+def without_partial_outputs(formulation: Formulation, from_rest: bool = False) -> Formulation:
     """Multiply denominators out where partial outputs have no bounds from the data.
 
-    Every consistent parameter vector is kept, and there may be more.
+    Every consistent parameter vector is kept. There may be more: those of which two denominators
+    have a common zero, or of systems that do not begin at rest, where an offset is added.
 
     Parameters
     ----------
     formulation : Formulation
+    from_rest : bool
+        Whether systems that begin at rest have to stay so; then they may keep partial outputs.
 
     Returns
     -------
@@ -380,6 +383,8 @@ def without_partial_outputs(formulation: Formulation) -> Formulation:
     if not isinstance(model, TransferFunction) or model.form not in ("auto", "partial"):
         return formulation
     if not np.any(np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])):
+        return formulation
+    if from_rest and model.offset and model.initial == "zero":
         return formulation
     # an offset is on the outputs themselves; its first samples tell nothing then
     model = replace(model, form="lifted", initial="free" if model.offset else model.initial)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from identification_cases import laboratory_two_first, laboratory_two_second
-from scipy.optimize import minimize_scalar
+from scipy.optimize import linprog, minimize, minimize_scalar
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -317,3 +317,50 @@ def test_missing_outputs_that_priors_bound_leave_the_least_factor_alone() -> Non
     found = setid.consistency(data, model, setid.Noise(equation=0.1), box, options)
     low, high = found.scale
     assert low <= 2 / 3 <= high and high - low < 1e-3 and found.verify()
+
+
+FINE = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000}
+
+
+def two_inputs(seed: int) -> tuple[setid.IOData, setid.TransferFunction]:
+    """Forty samples of a sum of two systems of order 1, with noise of 0.02 on the output."""
+    rng = np.random.default_rng(seed)
+    model, u = setid.TransferFunction(1, 1, 1, inputs=2), rng.uniform(-1, 1, (40, 2))
+    noise = setid.Noise(output=0.02)
+    return setid.simulate_record(model, [-0.7, -0.4, 1.0, 0.6], u, noise, rng).data, model
+
+
+def least_for(poles: np.ndarray, data: setid.IOData) -> float:
+    """The least largest error for two poles: each input filtered, and its free response."""
+    k = np.arange(data.samples)
+    columns = [p**k for p in poles]
+    columns += [lfilter([0, 1], [1, -p], u) for p, u in zip(poles, data.u.T, strict=True)]
+    slopes = np.column_stack(columns)
+    one = np.ones((data.samples, 1))
+    below = np.block([[slopes, -one], [-slopes, -one]])
+    right = np.concatenate([data.y[:, 0], -data.y[:, 0]])
+    cost = np.append(np.zeros(slopes.shape[1]), 1.0)
+    return float(linprog(cost, below, right, bounds=(None, None)).fun)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_least_noise_of_two_inputs_is_bounded_without_a_prior(seed: int) -> None:
+    """By linear programs for given poles, and a search of these, which knows nothing of rows."""
+    data, model = two_inputs(seed)
+    best = minimize(least_for, [0.7, 0.4], args=(data,), method="Nelder-Mead", options=FINE)
+    found = setid.consistency(data, model, setid.Noise(output=0.02))
+    low, high = (0.02 * end for end in found.scale)
+    assert low <= best.fun * (1 + 1e-9) and best.fun <= high * (1 + 1e-5)
+    assert high - low < 2e-3 * high and found.verify()
+    fit = setid.fit(data, model, "linf")
+    assert fit.lower_bound <= best.fun * (1 + 1e-9) and fit.attained
+    assert fit.error - fit.lower_bound < 2e-3 * fit.error and fit.verify()
+
+
+def test_systems_that_begin_at_rest_stay_so() -> None:
+    """With an offset, multiplied rows would forget it, and less noise would do."""
+    data, _ = two_inputs(2)
+    model = setid.TransferFunction(1, 1, 1, inputs=2, offset=True, initial="zero")
+    found = setid.consistency(data, model, setid.Noise(output=0.02))
+    assert found.formulation.model.initial == "zero"
+    assert setid.fit(data, model, "linf").model.initial == "zero"
