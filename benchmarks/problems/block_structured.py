@@ -9,19 +9,20 @@ of the formulation on the box that identification proves from the data.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
 import setid
 from setid.feasible_set.start import find_box
+from setid.models.equations import Structure
 
 from ..errors import BenchmarkError
 from ..measuring.registry import Case, Selection
 from .intervals import RecordTask
 
-__all__ = ["KINDS", "cases", "record", "task"]
+__all__ = ["KINDS", "cases", "record", "simulated", "task"]
 
 SIZES = (20, 50, 100)
 NOISES = (0.5, 1.0, 5.0)  # per cent of the largest output
@@ -92,6 +93,13 @@ def record(
     if kind not in KINDS:
         raise BenchmarkError(f"kind: found {kind!r}, expected one of {', '.join(KINDS)}")
     model, theta, _ = KINDS[kind]
+    return simulated(model, theta, samples, noise, seed)
+
+
+def simulated(
+    model: Structure, theta: Sequence[float], samples: int, noise: float, seed: int
+) -> tuple[setid.Simulated, setid.Noise]:
+    """A record of a structure with inputs in [-1, 1], and the bound of its output noise."""
     u = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, model.inputs))
     size = noise / 100.0 * float(np.abs(setid.simulate(model, theta, u)).max())
     bound = setid.Noise(output=size)

@@ -15,6 +15,7 @@ from ..errors import BenchmarkError
 from ..measuring.registry import Case, Family, Registry, Selection, Task
 from . import (
     block_structured,
+    channels,
     identification,
     intervals,
     networks,
@@ -191,6 +192,14 @@ REGISTRY = Registry(
             "block_structured",
             "Hammerstein, Wiener, Lur'e and two-input records, on boxes from the data",
             block_structured.cases,
+            "identify",
+            options=_WIDTH,
+            peer_limit=10.0,
+        ),
+        Family(
+            "channels",
+            "records of several inputs and outputs with denominators of their own",
+            channels.cases,
             "identify",
             options=_WIDTH,
             peer_limit=10.0,

@@ -50,9 +50,9 @@ def family(*cases):
 def test_the_registry_lists_all_families(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    wanted = "oe eiv oe_positive eiv_positive block_structured identify identify-stable zoo "
-    wanted += "certificates examples files pooling quartics box_programs maximum_cuts sensors "
-    wanted += "power_flow broyden growth random"
+    wanted = "oe eiv oe_positive eiv_positive block_structured channels identify "
+    wanted += "identify-stable zoo certificates examples files pooling quartics box_programs "
+    wanted += "maximum_cuts sensors power_flow broyden growth random"
     assert [f.name for f in REGISTRY] == wanted.split()
     for name in wanted.split():
         assert f"| {name} |" in shown
