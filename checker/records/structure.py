@@ -53,6 +53,8 @@ class Structure:
             if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
                 raise Malformed("structure: orders that do not fit the channels")
         forms = ("auto", "direct", "partial", *ELIMINATED)
+        if got.common_denominator and len({n for row in got.na for n in row}) > 1:
+            raise Malformed("structure: a common denominator of several orders")
         if got.initial not in ("free", "zero") or got.form not in forms:
             raise Malformed("structure: initial or form of an unknown kind")
         if got.form in ELIMINATED and got.offset and got.initial == "zero":
@@ -132,8 +134,10 @@ class Structure:
             others = multiplied([d for d in distinct if d != own[j]])
             for shift, b in self.numerator(i, j):
                 found += [Term(-1, (*names, b), f"u{j + 1}", lag + shift) for lag, names in others]
-        if self.given.form not in ELIMINATED:
-            distinct = []
+        added = self.splits(i) or self.given.form in ELIMINATED  # the offset, to the output itself
+        if added and self.given.offset and self.zero:
+            raise NotProved("an offset of an output at rest, with its denominators multiplied out")
+        distinct = distinct if added else []
         factors = [names for _, names in multiplied(distinct)]
         return found + [
             term._replace(parameters=(*names, *term.parameters))

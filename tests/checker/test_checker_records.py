@@ -405,6 +405,22 @@ def test_definitions_do_not_speak_of_what_they_define():
         found.check_rows()
 
 
+@pytest.mark.parametrize("form", ["auto", "partial"])
+def test_rows_beside_partial_outputs_multiply_the_offset(form):
+    """A box of the direct form, where c is added to the equation, says nothing of the output's c.
+
+    The record was made with c = 1; without the factors 0.604 to 0.691 would be proved.
+    """
+    found = loaded("two-poles-offset-direct")
+    found["structure"]["form"] = form
+    found["rows"], found["problem"]["constraints"] = [], []
+    found["ends"] = [{**end, "certificate": None, "attained": None} for end in found["ends"]]
+    for v, stated in enumerate(found["intervals"]):
+        stated["outer"] = [found["box"][side][v] for side in ("lower", "upper")]
+        stated["inner"] = None
+    assert verdict(found) in ("refused", "malformed")
+
+
 # ---- rows by hand -------------------------------------------------------------------------------
 
 

@@ -194,6 +194,27 @@ def test_an_offset_of_the_output_is_multiplied_by_each_denominator():
             Structure(table | flags | {"form": form, "initial": "zero"}, 2, 1)
 
 
+@pytest.mark.parametrize("form", ["auto", "partial"])
+def test_an_offset_beside_partial_outputs_has_all_factors(form):
+    """Eliminated rows hold c (1 + a) (1 + a'), where systems do not begin at rest."""
+    table = {"na": [[1, 1]], "nb": [[1, 1]], "nk": [[1, 1]], "form": form}
+    flags = {"common_denominator": False, "offset": True}
+    made = Structure(table | flags | {"initial": "free"}, 2, 1)
+    constant = [set(t.parameters) for t in made.direct(0) if not t.signal]
+    a, b = "a[1,1]1", "a[1,2]1"
+    assert len(constant) == 4 and all(
+        s in constant for s in ({"c"}, {"c", a}, {"c", b}, {"c", a, b})
+    )
+    with pytest.raises(NotProved, match="at rest"):
+        Structure(table | flags | {"initial": "zero"}, 2, 1).direct(0)
+
+
+def test_a_common_denominator_has_one_order():
+    table = {"na": [[1, 2]], "nb": [[1, 1]], "nk": [[1, 1]], "form": "auto", "initial": "free"}
+    with pytest.raises(reading.Malformed, match="several orders"):
+        Structure(table | {"common_denominator": True, "offset": False}, 2, 1)
+
+
 def test_a_product_with_a_factor_around_zero_bounds_nothing():
     box = grid((-1, 1), (-10, 10))
     settle([(1, 2)], *grid((2, 6)), box)
