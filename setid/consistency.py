@@ -32,6 +32,7 @@ from setid.formulation.formulation import (
     settled,
     without_partial_outputs,
 )
+from setid.formulation.lifting import LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.html import listing, section, table
@@ -40,6 +41,7 @@ from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
@@ -70,6 +72,10 @@ __all__ = ["READ_OFF", "Consistency", "consistency"]
 
 READ_OFF = "read off this record"
 
+_MULTIPLIED = (
+    "denominators are multiplied out, which keeps every consistent parameter vector; the attained "
+    "factor may be that of one whose denominators have a common zero"
+)
 _SEARCH = 5.0  # seconds for a better estimate
 _MANY = 100  # equations: where cells of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
@@ -301,7 +307,10 @@ def consistency(
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
-    return tuple(dict.fromkeys([*noise.assumptions, *formulation.assumptions]))
+    model, texts = formulation.model, [*noise.assumptions, *formulation.assumptions]
+    if isinstance(model, TransferFunction) and model.form == LIFTED:
+        texts.append(_MULTIPLIED)
+    return tuple(dict.fromkeys(texts))
 
 
 # ---- equation errors: one linear program ------------------------------------------------

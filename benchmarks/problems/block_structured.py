@@ -9,7 +9,7 @@ of the formulation on the box that identification proves from the data.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..errors import BenchmarkError
 from ..measuring.registry import Case, Selection
 from .intervals import RecordTask
 
-__all__ = ["KINDS", "cases", "record", "simulated", "task"]
+__all__ = ["KINDS", "cases", "cases_of", "record", "simulated", "task"]
 
 SIZES = (20, 50, 100)
 NOISES = (0.5, 1.0, 5.0)  # per cent of the largest output
@@ -116,9 +116,19 @@ def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> RecordTa
 
 def cases(selection: Selection) -> Iterator[Case]:
     """All structures, sizes, noise levels and seeds that are wanted."""
+    return cases_of(task, (KINDS, NOISES, SIZES), selection)
+
+
+def cases_of(
+    make: Callable[[str, int, float, int], RecordTask],
+    usual: tuple[Iterable[str], Sequence[float], Sequence[int]],
+    selection: Selection,
+) -> Iterator[Case]:
+    """All records of some kinds, at the usual noise levels and sizes or those that are wanted."""
+    kinds, noises, sizes = usual
     wanted = itertools.product(
-        KINDS, selection.noises or NOISES, selection.sizes or SIZES, selection.seeds
+        kinds, selection.noises or noises, selection.sizes or sizes, selection.seeds
     )
     for kind, noise, samples, seed in wanted:
-        make = partial(task, kind, samples, noise, seed)
-        yield Case(f"{kind} N={samples} noise {noise:g} %", make, samples, seed)
+        name = f"{kind} N={samples} noise {noise:g} %"
+        yield Case(name, partial(make, kind, samples, noise, seed), samples, seed)

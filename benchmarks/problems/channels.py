@@ -8,16 +8,14 @@ box that identification proves from the data: the same that ours solves.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
-from functools import partial
 from types import MappingProxyType
 
 import setid
 from setid.feasible_set.start import find_box
 
 from ..measuring.registry import Case, Selection
-from .block_structured import simulated
+from .block_structured import cases_of, simulated
 from .intervals import RecordTask
 
 __all__ = ["PLANTS", "cases", "task"]
@@ -77,9 +75,4 @@ def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> RecordTa
 
 def cases(selection: Selection) -> Iterator[Case]:
     """All plants, noise levels, sizes and seeds that are wanted."""
-    wanted = itertools.product(
-        PLANTS, selection.noises or NOISES, selection.sizes or SIZES, selection.seeds
-    )
-    for kind, noise, samples, seed in wanted:
-        make = partial(task, kind, samples, noise, seed)
-        yield Case(f"{kind} N={samples} noise {noise:g} %", make, samples, seed)
+    return cases_of(task, (PLANTS, NOISES, SIZES), selection)

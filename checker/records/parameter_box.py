@@ -137,8 +137,6 @@ def without(monomial: Word, place: int) -> Word:
 
 def denominators(about: Any) -> list[Factors]:
     """List the denominators, by their letters, of each output that has several."""
-    if about.structure is None:
-        return []
     letter = {name: v for v, name in enumerate(about.names, 1)}
     outputs = [about.structure.denominators(i) for i in about.structure.outputs]
     return [[[letter[name] for name in d] for d in found] for found in outputs if len(found) > 1]

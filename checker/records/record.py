@@ -98,7 +98,7 @@ class Identification:
         for place, (origin, c) in enumerate(
             zip(self.got.rows, self.problem.constraints, strict=True)
         ):
-            if origin is None or origin[0] == LIFTED:
+            if origin is None or origin[:1] == [LIFTED]:
                 continue
             name, k = items(origin, "rows")
             if not 0 <= whole(k, "rows") < self.record.samples:
@@ -123,7 +123,7 @@ class Identification:
         self.lifted: dict[int, Terms] = {}
         pairs = zip(self.got.rows, self.problem.constraints, strict=True)
         for place, (origin, c) in enumerate(pairs):
-            if origin is None or items(origin, "rows")[0] != LIFTED:
+            if origin is None or items(origin, "rows")[:1] != [LIFTED]:
                 continue
             _, number = items(origin, "rows")
             letter = self.record.letters.get((LIFTED, 0, whole(number, "rows")), 0)

@@ -140,8 +140,9 @@ def _on_box(
     at_ends = None if settled is not None else at_linear_ends(formulation, context, outcome)
     if at_ends is not None and is_closed(at_ends):
         return at_ends
-    if settled is None:
-        formulation = lifted(formulation)
+    bilinear = formulation if settled is not None else lifted(formulation)
+    if bilinear is not formulation:
+        formulation = bilinear
         outcome = replace(outcome, problem=problem_on_box(formulation, box))
     p = len(formulation.parameters)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))

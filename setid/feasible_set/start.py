@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.units import coupled_rows
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import ProvedBox, product_rows, start_of
@@ -26,6 +26,7 @@ def find_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:
     until : float
         Reading of ``time.monotonic`` at which all work ends.
     """
+    formulation = multiplied_out(formulation)
     start, rows = start_of(formulation), formulation.smoothed
     if rows is not None:
         first = parameter_box(rows, start, until)

@@ -25,7 +25,7 @@ from setid.formulation.printing import equation_text
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
-from setid.models.equations import Equation, Structure
+from setid.models.equations import Equation, Initial, Structure
 from setid.models.lti import TransferFunction
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
@@ -359,7 +359,7 @@ def multiplied_out(formulation: Formulation) -> Formulation:
         plain = replace(model, form="multiplied")
     elif isinstance(model, BlockStructured):
         plain = model.changed(form="auto")
-    return formulate(formulation.data, plain, formulation.noise, formulation.priors)
+    return _of_structure(formulation, plain)
 
 
 def without_partial_outputs(formulation: Formulation, from_rest: bool = False) -> Formulation:
@@ -387,8 +387,8 @@ def without_partial_outputs(formulation: Formulation, from_rest: bool = False) -
     if from_rest and model.offset and model.initial == "zero":
         return formulation
     # an offset is on the outputs themselves; its first samples tell nothing then
-    model = replace(model, form="lifted", initial="free" if model.offset else model.initial)
-    return formulate(formulation.data, model, formulation.noise, formulation.priors)
+    initial: Initial = "free" if model.offset else model.initial
+    return _of_structure(formulation, replace(model, form=LIFTED, initial=initial))
 
 
 def lifted(formulation: Formulation) -> Formulation:
@@ -406,12 +406,16 @@ def lifted(formulation: Formulation) -> Formulation:
     model = formulation.model
     if not isinstance(model, BlockStructured) or model.form != "auto":
         return formulation
-    model = model.changed(form=LIFTED)
-    found = formulate(formulation.data, model, formulation.noise, formulation.priors)
+    found = _of_structure(formulation, model.changed(form=LIFTED))
     words, own = found.problem.rows.words, found.layout.group(LIFTED) + 1
     sums = np.isin(words, own)
     noisy = np.any((words > len(found.parameters)) & ~sums, axis=1)
     return found if np.any(noisy & np.any(sums, axis=1)) else formulation
+
+
+def _of_structure(formulation: Formulation, model: Structure) -> Formulation:
+    """State the same question for another structure."""
+    return formulate(formulation.data, model, formulation.noise, formulation.priors)
 
 
 def to_structs(

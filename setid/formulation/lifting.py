@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from setid.models.equations import Equation, Lagged, Term
 
 __all__ = ["LIFTED", "Lifting", "definitions", "lift"]
 
-LIFTED = "lifted"  # the form of such structures, and the group of these unknowns
+LIFTED: Final = "lifted"  # the form of such structures, and the group of these unknowns
 Sum = tuple[tuple[float, tuple[str, ...]], ...]
 
 

@@ -32,6 +32,7 @@ def rows_prove(box: RowBox, formulation: Formulation, start: NDArray[np.float64]
     start : (2, p) float
         The bounds of the parameters that priors give.
     """
+    formulation = multiplied_out(formulation)
     if isinstance(box, LiftedBox):
         products = product_rows(formulation)
         return products is not None and box.verify(products, start, coupled_rows(formulation))

@@ -280,12 +280,11 @@ class Restatement:
 
     def _exact(self, dual: ExactDual, cutoffs: int) -> ExactDual:
         """Restate rational multipliers: constraints, a cutoff, lower and upper bounds."""
-        own, whole, n = self.small.rows.size, self.small.whole, self.small.variables.size
+        whole = self.small.whole
         m = len(whole.constraints) + cutoffs
         ends = (m + side * whole.dimension + self.small.variables for side in (0, 1))
         cutoff = np.arange(m - cutoffs, m)
         numbers = np.concatenate([self.small.rows, cutoff, *ends])
-        assert numbers.size == own + cutoffs + 2 * n
         free = np.full(whole.dimension, np.inf)
         gram = None if dual.gram is None else replace(dual.gram, basis=self._words(dual.gram.basis))
         return ExactDual(

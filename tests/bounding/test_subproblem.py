@@ -156,6 +156,23 @@ def test_rational_multipliers_are_restated(bounds):
     assert again.verify(whole).ok and again.verify(whole).bound == proved
 
 
+def test_rational_multipliers_of_a_cutoff_are_restated():
+    """x + y <= 1 and y >= -1 give x <= 2; the cutoff's row stands behind all constraints."""
+    u, x, v, y = sp.variables(4)
+    rows = [u * v >= 1, 3 * x + 3 * y >= 1]
+    whole = Problem(x + y, rows, [0, 0, 0, -1], [4, 9, 4, 9])
+    small = Subproblem.of(whole, np.array([1]))
+    own = small.problem
+    row, word = np.array([1, 3]), np.zeros((2, 1), np.int32)  # the cutoff, and y's lower bound
+    dual = ExactDual(own.lower, own.upper, row, word, (1, 1))
+    step = Tightening(np.array([0]), np.array([-1]), np.array([-2.0]), dual, True)
+    inside = Replay(own, 1.0).step(step, Interval(own.lower, own.upper))
+    assert inside.hi.tolist() == [2.0, 9.0]
+    (again,) = Restatement(small, (), Interval(whole.lower, whole.upper)).steps((step,))
+    found = Replay(whole, 1.0).step(again, Interval(whole.lower, whole.upper))
+    assert found.hi.tolist() == [4.0, 2.0, 4.0, 9.0]
+
+
 def test_exact_gram_matrices_are_restated():
     x, u, y = sp.variables(3)
     whole = Problem(5 + (x - 2 * y) ** 2, [u**2 <= 4])

@@ -223,7 +223,7 @@ def test_a_product_with_a_factor_around_zero_bounds_nothing():
 
 def products(columns, ends):
     """A step of products whose own rows say only what the box says."""
-    about = SimpleNamespace(names=["a", "b"], structure=None)
+    about = SimpleNamespace(names=["a", "b"], structure=SimpleNamespace(outputs=()))
     step = {"columns": columns, "steps": []}
     return by_products(step, Regression(about, [[(1,)], [(2,)]]), ends)
 

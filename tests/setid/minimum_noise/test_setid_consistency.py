@@ -352,6 +352,7 @@ def test_the_least_noise_of_two_inputs_is_bounded_without_a_prior(seed: int) -> 
     low, high = (0.02 * end for end in found.scale)
     assert low <= best.fun * (1 + 1e-9) and best.fun <= high * (1 + 1e-5)
     assert high - low < 2e-3 * high and found.verify()
+    assert "multiplied out" in found.assumptions[-1]
     fit = setid.fit(data, model, "linf")
     assert fit.lower_bound <= best.fun * (1 + 1e-9) and fit.attained
     assert fit.error - fit.lower_bound < 2e-3 * fit.error and fit.verify()
