@@ -25,6 +25,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.output_error import least_largest_error
+from setid.feasible_points.separate_denominators import has_separate_denominators
 from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import (
     Formulation,
@@ -39,6 +40,7 @@ from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
+from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
 
 __all__ = ["READ_OFF", "Consistency", "consistency"]
 
+Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 READ_OFF = "read off this record"
 
 _MULTIPLIED = (
@@ -80,6 +83,7 @@ _SEARCH = 5.0  # seconds for a better estimate
 _MANY = 100  # equations: where cells of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
+_ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of products are unknowns
 _STARTS = 3  # denominators from which a fit begins
 
 
@@ -133,6 +137,15 @@ class Consistency(NoiseScale):
         """True if the noise bounds as given explain the data; None where that is open."""
         low, high = self.scale
         return True if high <= 1.0 else (False if low > 1.0 else None)
+
+    def is_within(self, tol: float) -> bool:
+        """Check that the ends are within a share of the upper one of each other.
+
+        Parameters
+        ----------
+        tol : float
+        """
+        return self.scale[0] >= (1.0 - tol) * self.scale[1]
 
     def noise_bound(self, margin: float = 1.0) -> Noise:
         """Read noise bounds off this record: the attained factor times the bounds as given.
@@ -298,12 +311,15 @@ def consistency(
         and formulation.problem.dimension == len(formulation.parameters)
     ):
         return _exactly(formulation, noise)
-    model = without_partial_outputs(formulation, from_rest=True).model
+    formulation = without_partial_outputs(formulation, from_rest=True)
+    model = formulation.model
+    least = None
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, until)
-        if least.refuted is not None or _equations(formulation) > _LARGE:
+        whole = least.refuted is not None and not has_separate_denominators(model)
+        if whole or _equations(formulation) > _LARGE or least.is_within(settings.tol):
             return least
-    return _by_engine(data, model, noise, given, settings, until)
+    return _by_engine(data, model, noise, given, settings, until, least)
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
@@ -352,13 +368,17 @@ def _by_engine(
     priors: list[Any],
     settings: Options,
     until: float,
+    before: Consistency | None = None,
 ) -> Consistency:
     bounds = noise.bounds(data)
 
     def stated(factor: float) -> Formulation:
         return formulate(data, model, scaled_noise(bounds, factor), priors)
 
-    limit, x = _explaining(data, stated(1.0), until)
+    if before is None or before.witness is None:
+        limit, x = _explaining(data, stated(1.0), until)
+    else:
+        limit, x = before.limit, before.witness
     rounding = rounding_factor(data, bounds)
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
@@ -371,7 +391,8 @@ def _by_engine(
         witness = consistent(formulation, x[: len(formulation.parameters)])
     if witness is not None:
         theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
-    refuted = refuted_factor(stated, limit, until)
+    by_rows = refuted_factor(stated, limit, until)
+    refuted = _larger(None if before is None else before.refuted, by_rows)
     low = 0.0 if refuted is None else refuted[0]
     box, result = None, None
     if limit > rounding:
@@ -397,7 +418,7 @@ def _by_engine(
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=() if refuted is None else _from_zero(stated(refuted[0]), refuted[1]),
+        samples=_conflicting(stated, refuted),
     )
 
 
@@ -458,26 +479,39 @@ def _by_denominators(
 
 def _refuted_denominators(
     formulation: Formulation, settings: Options, until: float
-) -> tuple[tuple[float, DenominatorCells] | None, tuple[NDArray[np.float64], ...]]:
+) -> tuple[Refuted | None, tuple[NDArray[np.float64], ...]]:
     """The largest factor that an output refutes, and denominators to begin from."""
     refuted, outputs = None, formulation.model.outputs
+    share, tol = _SHARE, 0.5 * settings.tol
+    if has_separate_denominators(formulation.model):  # rows say less than the structure
+        share, tol = _ROWS, _NEAR * settings.tol
     best: tuple[NDArray[np.float64], ...] = ()
     for output in range(outputs):
-        left = (until - time.monotonic()) * _SHARE / (outputs - output)
+        left = (until - time.monotonic()) * share / (outputs - output)
         rows = output_rows(formulation, output)
         assert rows is not None
         deadline = Deadline(None if left == inf else max(left, 0.0))
         executor = None if settings.engine is None else settings.engine.executor
-        found = least_output_noise(rows, output, 0.5 * settings.tol, deadline, executor)
+        found = least_output_noise(rows, output, tol, deadline, executor)
         if found.cells is not None and (refuted is None or found.factor > refuted[0]):
             refuted = found.factor, found.cells
         best = found.best[:_STARTS] if outputs == 1 else ()
     return refuted, best
 
 
-def _from_zero(formulation: Formulation, box: ParameterBox) -> tuple[tuple[int, int], ...]:
+def _larger(one: Refuted | None, two: Refuted | None) -> Refuted | None:
+    """Take what refutes more."""
+    return max((each for each in (one, two) if each), key=lambda each: each[0], default=None)
+
+
+def _conflicting(
+    stated: Callable[[float], Formulation], refuted: Refuted | None
+) -> tuple[tuple[int, int], ...]:
     """Records and samples, counted from 0, whose rows refute a factor."""
-    return tuple((record, k - 1) for record, k in conflicting_rows(formulation, box))
+    if refuted is None or isinstance(refuted[1], DenominatorCells):
+        return ()
+    found = conflicting_rows(stated(refuted[0]), refuted[1])
+    return tuple((record, k - 1) for record, k in found)
 
 
 def _is_boxed(formulation: Formulation, until: float) -> bool:
@@ -514,7 +548,10 @@ def _estimates(
         lambda: least_squares(data, formulation.model).theta,
     ]
     output = formulation.noise.bounds(data)[0]
-    if np.any(output > 0):
+    if has_separate_denominators(formulation.model) and not np.any(np.isnan(data.u)):
+        found_apart = separate_noise(formulation, until)
+        estimates = [] if found_apart is None else [lambda: found_apart[0]]
+    elif np.any(output > 0):
         fit = partial(least_largest_error, data, formulation.model, output, until=until)
         begun = [partial(fit, denominator) for denominator in denominators]
         estimates = [*begun[:1], fit, *begun[1:], *estimates]

@@ -25,6 +25,7 @@ from setid.feasible_points.output_error import (
     least_largest_error,
     output_error_fit,
 )
+from setid.feasible_points.separate_denominators import has_separate_denominators
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, without_partial_outputs
 from setid.formulation.regression import Regression, check_channels, regression_of_data
@@ -32,6 +33,7 @@ from setid.html import section, table
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.fits import fit_of_denominator
+from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options
@@ -451,6 +453,9 @@ def _of_denominators(
     rows = error_rows(formulation, norm, 1.0)
     if rows is None or not isinstance(model, TransferFunction):
         return []
+    if has_separate_denominators(model):
+        apart = separate_noise(formulation, until) if norm == "linf" else None
+        return [] if apart is None else [apart]
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
     if not best and norm == "linf" and time.monotonic() < until:
         best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]

@@ -20,8 +20,9 @@ from scipy.optimize import least_squares as gauss_newton
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
+from setid.feasible_points.separate_denominators import has_separate_denominators, separate_fit
 from setid.models.equations import Structure
-from setid.simulation.responses import run
+from setid.simulation.responses import from_readings, run
 from sparsepop_py.budget import check
 from sparsepop_py.lp.scaled import solve_scaled
 
@@ -47,9 +48,14 @@ class _Simulation:
         self.free = _free_samples(data, model)
         self.values = np.where(np.isnan(data.y), 0.0, data.y)
         self.known = ~np.isnan(data.y)
-        theta = _first(data, model)
+        theta, values = _first(data, model), self.values
+        self.settled = False  # whether the first vector is a local minimiser already
+        if has_separate_denominators(model):
+            found = separate_fit(data, model, until)
+            if found is not None:
+                (theta, values), self.settled = found, True
         self.count = theta.size
-        self.first = np.concatenate([theta, self.values[self.free].ravel()])
+        self.first = np.concatenate([theta, values[self.free].ravel()])
 
     def outputs(self, x: Reals) -> Reals:
         """Simulate outputs (N, ny)."""
@@ -103,7 +109,7 @@ class _Simulation:
 
     def fitted(self) -> Reals:
         """Fit by least squares: a local minimiser, or the best vector in time."""
-        if np.any(np.abs(self.errors(self.first)) >= _HUGE):
+        if self.settled or np.any(np.abs(self.errors(self.first)) >= _HUGE):
             return self.first
         best, least = self.first, inf
 
@@ -261,7 +267,5 @@ def _first(data: IOData, model: Structure) -> Reals:
 
 
 def _free_samples(data: IOData, model: Structure) -> NDArray[np.bool_]:
-    if model.initial != "free" or not model.regression():
-        return np.zeros(data.samples, bool)
-    lag = max(equation.lag for equation in model.regression())
+    lag = max((equation.lag for equation in from_readings(model)), default=0)
     return np.asarray(np.arange(data.samples) - data.first < lag)

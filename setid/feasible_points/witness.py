@@ -23,6 +23,7 @@ from setid.formulation.completion import (
     solve_definitions,
 )
 from setid.formulation.formulation import Formulation
+from setid.formulation.lifting import LIFTED
 from setid.proofs.existence import admitted, proved_point
 from sparsepop_py.lp.scaled import solve_scaled
 
@@ -138,7 +139,8 @@ def _least_step(
 ) -> tuple[NDArray[np.float64], float] | None:
     """Unknowns and noise level of one linear program, which is not needed where all are known."""
     problem = formulation.problem
-    model = np.array([origin == "model" for origin in formulation.rows.origin], bool)
+    origins = zip(formulation.rows.origin, formulation.rows.equation, strict=True)
+    model = np.array([o == "model" and e != LIFTED for o, e in origins], bool)  # sums are placed
     noise = np.flatnonzero(scaled[free])
     width = band_width(formulation)
     limits = sps.csr_array(

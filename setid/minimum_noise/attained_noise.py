@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from setid.feasible_points.random_poles import random_denominator
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.denominators.denominator_cells import first_cones
@@ -20,7 +21,6 @@ __all__ = ["AttainedNoise"]
 Reals = NDArray[np.float64]
 _SEED = 5
 _RANDOM, _STARTS, _AGAIN = 200, 5, 5  # denominators and descents for each unknown; repetitions
-_SLOW = 3e-3  # least distance of a random pole from the unit circle
 _DESCENT, _STEP = 150, 0.3  # evaluations of a descent for each unknown, and its first step
 _FAR = 1e100
 _DRAWING, _EXPLORING = 0.06, 0.12  # of the time: for random denominators, and with descents
@@ -87,7 +87,7 @@ class AttainedNoise:
         for _ in range(_RANDOM * n):
             if drawing.over:
                 break
-            a = np.real(np.poly(_random_poles(random, n)))
+            a = random_denominator(random, n)
             tried.append((self.try_denominator(a), a))
         tried.sort(key=lambda pair: pair[0])
         starts = (self._descended(a, descending) for _, a in tried[: _STARTS * n])
@@ -134,16 +134,3 @@ class AttainedNoise:
             },
         )
         return float(found.fun), np.asarray((sign * np.exp(found.x)) @ basis, np.float64)
-
-
-def _random_poles(random: np.random.Generator, n: int) -> list[complex]:
-    """Draw stable poles, as often slow as fast, in pairs or real."""
-    found: list[complex] = []
-    while len(found) < n:
-        size = 1.0 - np.exp(random.uniform(np.log(_SLOW), 0.0))
-        if n - len(found) > 1 and random.random() < 0.5:
-            pole = size * np.exp(1j * np.pi * np.exp(random.uniform(np.log(_SLOW), 0.0)))
-            found += [pole, pole.conjugate()]
-        else:
-            found.append(size if random.random() < 0.9 else -size)
-    return found

@@ -206,8 +206,12 @@ class TransferFunction(InNotebook):
 
     def regression(self) -> tuple[Equation, ...]:
         """State equations linear in theta: for one denominator an output, else none."""
-        direct = tuple(self._multiplied(i) for i in range(self.outputs))
+        direct = self.multiplied()
         return direct if all(equation.linear_in_parameters for equation in direct) else ()
+
+    def multiplied(self) -> tuple[Equation, ...]:
+        """State an equation for each output, in outputs and inputs alone."""
+        return tuple(self._multiplied(i) for i in range(self.outputs))
 
     def denominators(self, i: int) -> list[tuple[str, ...]]:
         """List the distinct denominators of an output, without trivial ones.

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
-from setid.models.equations import Structure, Transfer
+from setid.models.equations import Equation, Structure, Transfer
 from setid.models.general import nonlinear_rows
+from setid.models.lti import TransferFunction
 from setid.simulation.simulate import leading, simulate, weight
 
 __all__ = [
     "frequency_response",
     "frequency_weights",
+    "from_readings",
     "grid",
     "known_from",
     "run",
@@ -150,9 +152,9 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     model : Structure
     theta : (p,) array_like
     data : IOData
-        Inputs must be complete. Where the model's ``initial`` is ``"free"`` and it has a
-        regression form, the first outputs of each record are those that were read, up to
-        the first complete ones; otherwise everything is at rest before the record.
+        Inputs must be complete. Where the model's ``initial`` is ``"free"`` and its outputs follow
+        from readings (:func:`from_readings`), the first outputs of each record are those that
+        were read, up to the first complete ones; otherwise everything is at rest before the record.
     from_rest : bool, optional
         Overrides that.
 
@@ -168,7 +170,7 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     if np.any(np.isnan(data.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
     values = np.asarray(theta, float)
-    rest = model.initial == "zero" or not model.regression() if from_rest is None else from_rest
+    rest = not from_readings(model) if from_rest is None else from_rest
     bounds = [*data.starts.tolist(), data.samples]
     parts = []
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
@@ -177,6 +179,32 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
         else:
             parts.append(_continue(model, values, data.u[begin:end], data.y[begin:end]))
     return np.concatenate(parts)
+
+
+def from_readings(model: Structure) -> tuple[Equation, ...]:
+    """List equations that continue a record from its first readings; none for systems at rest.
+
+    Denominators of their own are multiplied out.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1, inputs=2)
+    >>> from_readings(model)[0].lag
+    2
+    """
+    return () if model.initial == "zero" else _of_readings(model)
+
+
+def _of_readings(model: Structure) -> tuple[Equation, ...]:
+    equations = tuple(model.regression())
+    return (
+        model.multiplied() if not equations and isinstance(model, TransferFunction) else equations
+    )
 
 
 def known_from(y: Reals, first: int) -> int:
@@ -215,7 +243,7 @@ def known_from(y: Reals, first: int) -> int:
 
 def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
     """From the first complete readings on, sample by sample."""
-    equations = model.regression()
+    equations = _of_readings(model)
     if not equations:
         raise ModelError(f"model: {nonlinear_rows(model)} can be simulated from rest only")
     result, first = y.copy(), known_from(y, max(e.lag for e in equations))

@@ -109,7 +109,7 @@ def denominator_box(
     trees, limits, complete = list[VaryingCells](), list[tuple[Limit, ...]](), True
     outputs = formulation.model.outputs
     for output in range(outputs):
-        rows = output_rows(formulation, output)
+        rows = _rows(formulation, output)
         programs = None if rows is None else programs_of(rows)
         if rows is None or programs is None or programs.free is None:
             continue
@@ -137,8 +137,14 @@ def settles(formulation: Formulation) -> bool:
     ----------
     formulation : Formulation
     """
-    every = (output_rows(formulation, output) for output in range(formulation.model.outputs))
+    every = (_rows(formulation, output) for output in range(formulation.model.outputs))
     return all(rows is not None and _is_fast(rows) for rows in every)
+
+
+def _rows(formulation: Formulation, output: int) -> OutputRows | None:
+    """State the rows of an output whose denominator's coefficients are parameters."""
+    rows = output_rows(formulation, output)
+    return rows if rows is not None and {*rows.own} <= {"", *formulation.parameters} else None
 
 
 def _is_fast(rows: OutputRows) -> bool:

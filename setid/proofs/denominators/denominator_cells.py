@@ -40,7 +40,8 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.models.equations import Equation, Term, channel_of
+from setid.formulation.lifting import lift
+from setid.models.equations import Equation, Structure, Term, channel_of
 from setid.models.lti import TransferFunction
 
 __all__ = [
@@ -115,7 +116,7 @@ def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
     """
     model, data = formulation.model, formulation.data
     eta, xi, e = formulation.noise.bounds(data)
-    equations = model.regression() if isinstance(model, TransferFunction) else ()
+    equations = _equations(model)
     if not equations or np.any(xi > 0) or np.any(e[:, output] > 0) or np.any(np.isnan(data.u)):
         return None
     equation = equations[output]
@@ -125,7 +126,9 @@ def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
     y = data.y[:, output]
     row = _complete(np.asarray(data.first), y, equation.lag, sorted(lags))
     names = tuple(name for lag in sorted(lags) for name in lags[lag])
-    stable = any(names in prior.stable(model) for prior in formulation.priors)
+    stable = _denominators(model, output) <= frozenset[tuple[str, ...]]().union(
+        *(prior.stable(model) for prior in formulation.priors)
+    )
     columns = dict[bytes, tuple[Reals, tuple[str, int]]]()
     for item in _others(equation):
         column = _column(data.u, item, row)
@@ -140,10 +143,27 @@ def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
         np.where(np.isnan(y), 0.0, y),
         eta[:, output],
         known,
-        stable and len(names) == order,
+        stable and len(names) == order > 0,
         own=tuple(_alone(lags.get(lag, ())) for lag in range(1, order + 1)),
         gains=tuple(gain for _, gain in columns.values()),
     )
+
+
+def _equations(model: Structure) -> tuple[Equation, ...]:
+    """Equations of all outputs that are linear in parameters, or in sums of their products.
+
+    Several denominators are multiplied out, which follows from every form of the structure once
+    all delayed samples are in the record.
+    """
+    if not isinstance(model, TransferFunction):
+        return ()
+    return tuple(model.regression()) or lift(model.multiplied()).equations
+
+
+def _denominators(model: Structure, output: int) -> frozenset[tuple[str, ...]]:
+    """Denominators whose product is that of the rows."""
+    assert isinstance(model, TransferFunction)
+    return frozenset(model.denominators(output))
 
 
 def _alone(parameters: tuple[str, ...]) -> str:

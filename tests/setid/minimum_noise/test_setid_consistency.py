@@ -365,3 +365,19 @@ def test_systems_that_begin_at_rest_stay_so() -> None:
     found = setid.consistency(data, model, setid.Noise(output=0.02))
     assert found.formulation.model.initial == "zero"
     assert setid.fit(data, model, "linf").model.initial == "zero"
+
+
+def test_long_records_of_two_inputs_with_an_offset_are_closed() -> None:
+    """A record that does not begin at rest, 120 samples; linear programs for given poles."""
+    rng = np.random.default_rng(3)
+    model, u = setid.TransferFunction(1, 1, 1, inputs=2, offset=True), rng.uniform(-1, 1, (150, 2))
+    noise = setid.Noise(output=0.05)
+    whole = setid.simulate_record(model, [-0.8, -0.5, 1.0, 0.6, 3.0], u, noise, rng).data
+    data = setid.IOData(whole.u[30:], whole.y[30:])
+    settings = setid.Options(time_limit=60.0, tol=0.05)
+    found = setid.consistency(data, model, noise, [setid.Stable()], settings)
+    low, high = found.scale
+    assert 0.95 * high <= low <= high <= 1.0 and found.verify()
+    assert found.refuted is not None and isinstance(found.refuted[1], DenominatorCells)
+    larger = replace(found, scale=(1.01 * high, 1.02 * high))
+    assert not larger.verify()

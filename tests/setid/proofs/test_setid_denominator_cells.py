@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 
 import setid
 from setid.minimum_noise.denominators import least_output_noise
+from setid.models.lti import Form
 from setid.proofs.denominators.denominator_cells import (
     Cell,
     DenominatorCells,
@@ -304,3 +305,64 @@ def test_multipliers_outside_of_rows_are_refused() -> None:
     only = Cell(used=(0,), shares=(1.0,))
     claim = DenominatorCells(0, np.zeros(0, int), np.array([[1.0, 0.0, 0.0]]), (only,))
     assert not claim.verify(stated(data, model, 0.1, setid.Stable()))
+
+
+def two_inputs(seed: int, count: int = 40) -> setid.IOData:
+    """A sum of two systems of order 1, with noise of 0.05 on the output."""
+    rng = np.random.default_rng(seed)
+    model, u = setid.TransferFunction(1, 1, 1, inputs=2), rng.uniform(-1.0, 1.0, (count, 2))
+    theta, noise = [-0.7, -0.4, 1.0, 0.6], setid.Noise(output=0.05)
+    return setid.simulate_record(model, theta, u, noise, rng).data
+
+
+@pytest.mark.parametrize("form", ["auto", "partial", "direct", "multiplied", "lifted"])
+def test_rows_of_two_denominators_are_those_of_their_product(form: Form) -> None:
+    """(1 - .7 w)(1 - .4 w) = 1 - 1.1 w + .28 w^2, and two values of each input on the right."""
+    clean = two_inputs(0)
+    model = setid.TransferFunction(1, 1, 1, inputs=2, form=form)
+    y = setid.simulate(model, [-0.7, -0.4, 1.0, 0.6], clean.u)
+    rows = output_rows(stated(setid.IOData(clean.u, y), model, 1.0), 0)
+    assert rows is not None
+    assert (rows.order, rows.known.shape, rows.stable) == (2, (40, 4), False)
+    left = np.convolve(rows.y, [1.0, -1.1, 0.28])[:40]
+    right = rows.known @ np.linalg.lstsq(rows.known, np.where(rows.row, left, 0.0), rcond=None)[0]
+    assert np.allclose(left[rows.row], right[rows.row], atol=1e-12)
+
+
+def test_rows_of_systems_at_rest_hold_for_an_offset_of_the_output() -> None:
+    """Rows begin where all delayed samples are in the record: (1 - .7)(1 - .4) 2 = .36 there."""
+    clean, theta = two_inputs(0), [-0.7, -0.4, 1.0, 0.6, 2.0]
+    model = setid.TransferFunction(1, 1, 1, inputs=2, offset=True, initial="zero")
+    y = setid.simulate(model, theta, clean.u)
+    rows = output_rows(stated(setid.IOData(clean.u, y), model, 1.0), 0)
+    assert rows is not None and rows.known.shape[1] == 5 and not np.any(rows.row[:2])
+    left = np.where(rows.row, np.convolve(rows.y, [1.0, -1.1, 0.28])[:40], 0.0)
+    found = np.linalg.lstsq(rows.known, left, rcond=None)[0]
+    assert np.allclose(rows.known @ found, left, atol=1e-12)
+    assert abs(found[-1] - 0.36) < 1e-9
+
+
+def test_a_product_is_stable_where_each_denominator_is() -> None:
+    """``Stable`` names all of them; a prior of one of two says nothing of the product."""
+    lifted = setid.TransferFunction(1, 1, 1, inputs=2, form="lifted")
+
+    class One(setid.Stable):
+        def stable(self, model: setid.Structure) -> frozenset[tuple[str, ...]]:
+            return frozenset([("a[1,1]1",)])
+
+    for prior, expected in ((setid.Stable(), True), (One(), False)):
+        rows = output_rows(stated(two_inputs(0), lifted, 1.0, prior), 0)
+        assert rows is not None and rows.stable is expected
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_that_two_inputs_need_is_not_refuted(seed: int) -> None:
+    """The truth needs at most 0.05, and linear programs for its poles tell what it needs."""
+    data = two_inputs(seed)
+    lifted = setid.TransferFunction(1, 1, 1, inputs=2, form="lifted")
+    rows = output_rows(stated(data, lifted, 1.0, setid.Stable()), 0)
+    assert rows is not None
+    found = least_output_noise(rows, 0, 0.05, Deadline(20.0))
+    assert found.cells is not None and 0.02 < found.factor < 0.05
+    assert found.cells.verify(stated(data, lifted, found.factor, setid.Stable()))
+    assert not found.cells.verify(stated(data, lifted, 0.05, setid.Stable()))

@@ -1,0 +1,134 @@
+"""Parameters of little output noise for structures with several denominators an output.
+
+For given denominators the least noise of an output is a linear program in all else. Descents over
+the denominators begin from minima of least squares. Nothing proved rests on them.
+"""
+
+from __future__ import annotations
+
+import time
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from setid.feasible_points.separate_denominators import SeparateOutput
+from setid.formulation.formulation import Formulation
+from setid.minimum_noise.cones.edges import monic
+from setid.minimum_noise.exchanges import Approximation, approximated
+from setid.models.lti import TransferFunction
+
+__all__ = ["separate_noise"]
+
+Reals = NDArray[np.float64]
+_STARTS = 3
+_DESCENT, _STEP, _AGAIN = 60, 0.03, 3  # evaluations for each unknown, first step, repetitions
+_ALMOST = 1e-4  # of a level: where descents end
+_FAR = 1e100
+_APART = 1e-3  # least distance of minima that count as two
+_LEAST = 1e-9  # of the largest noise bound
+
+
+def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals, Reals] | None:
+    """Search parameters that need little noise in each output.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Of a transfer function with noisy outputs and complete inputs.
+    until : float
+        The reading of ``time.monotonic`` at which the best so far is taken.
+
+    Returns
+    -------
+    theta : (p,) float
+    outputs : (N, ny) float
+        Of the model; where no equation tells of a sample, its reading.
+    or None
+        Where some output has too few readings.
+    """
+    model, data = formulation.model, formulation.data
+    assert isinstance(model, TransferFunction)
+    bounds = formulation.noise.bounds(data)[0]
+    stable = frozenset[tuple[str, ...]]().union(*(p.stable(model) for p in formulation.priors))
+    place = {name: k for k, name in enumerate(model.parameters)}
+    theta, outputs = np.zeros(len(place)), np.where(np.isnan(data.y), 0.0, data.y)
+    for output in range(model.outputs):
+        now = time.monotonic()
+        own = now + max(until - now, 0.0) / (model.outputs - output)
+        bound = np.maximum(bounds[:, output], _LEAST * float(bounds[:, output].max()))
+        separate = SeparateOutput(data, model, output)
+        found = _Descent(separate, data.y[:, output], bound, stable).run(own)
+        if found is None:
+            return None
+        outputs[separate.told, output], values = found
+        for name, value in values.items():
+            theta[place[name]] = value
+    return theta, outputs
+
+
+class _Descent:
+    """Descents of one output's noise."""
+
+    def __init__(
+        self, output: SeparateOutput, y: Reals, bound: Reals, stable: frozenset[tuple[str, ...]]
+    ) -> None:
+        self._output, self._stable = output, [names in stable for names in output.names]
+        self._bound = bound[output.known]
+        self._target = y[output.known] / self._bound
+        self._best, self._level = np.zeros(0), _FAR
+
+    def run(self, until: float) -> tuple[Reals, dict[str, float]] | None:
+        """Descend from several minima of least squares; return outputs and parameters."""
+        starts = list[Reals]()
+        for _, a in self._output.minima(until):
+            if all(np.abs(a - other).max(initial=0.0) > _APART for other in starts):
+                starts.append(a)
+        for a in starts[:_STARTS]:
+            for _ in range(_AGAIN):
+                before = self._level
+                a = self._descended(a, until)
+                if not self._level < (1.0 - _ALMOST) * before:
+                    break
+        found = self._approximation(self._best) if self._level < _FAR else None
+        if found is None:
+            return None
+        basis, approximation = found
+        return self._output.at(self._best, basis @ approximation.coefficients * self._bound)
+
+    def _descended(self, a: Reals, until: float) -> Reals:
+        """Descend from some denominators (J. A. Nelder, R. Mead, 1965)."""
+
+        def level(at: Reals) -> float:
+            if time.monotonic() >= until and self._level < _FAR:
+                return _FAR
+            inside = self._inside(at)
+            found = self._approximation(inside)
+            if found is not None and found[1].level < self._level:
+                self._level, self._best = found[1].level, inside
+            return _FAR if found is None else found[1].level
+
+        simplex = a + _STEP * np.vstack([np.zeros(a.size), np.eye(a.size)])
+        most = {"maxfev": _DESCENT * a.size, "initial_simplex": simplex, "fatol": 0.0}
+        end = minimize(level, a, method="Nelder-Mead", options=most | {"xatol": 1e-6})
+        return np.asarray(end.x, np.float64)
+
+    def _inside(self, a: Reals) -> Reals:
+        """Draw the poles of denominators that have to be stable into the unit disc."""
+        parts = list[Reals]()
+        for part, stable in zip(self._output.parts(a), self._stable, strict=True):
+            drawn = monic(part, stable)
+            assert drawn is not None
+            parts.append(drawn[1:])
+        return np.concatenate(parts)
+
+    def _approximation(self, a: Reals) -> tuple[Reals, Approximation] | None:
+        """Compute orthonormal columns in noise bounds, and the outputs nearest to the readings."""
+        columns = self._output.columns(a)[self._output.known] / self._bound[:, None]
+        with np.errstate(all="ignore"):
+            if not np.all(np.abs(columns) < _FAR):
+                return None
+            basis = np.linalg.qr(columns)[0]
+            found = approximated(basis, self._target)
+        return None if found is None else (np.asarray(basis, np.float64), found)
