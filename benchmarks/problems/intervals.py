@@ -34,7 +34,7 @@ from ..measuring.measure import Setting, key_of, own_rows, peer_rows, peers_of, 
 from ..measuring.records import Row
 from ..measuring.registry import Case, Family, Selection, Task
 
-__all__ = ["PLANTS", "Experiment", "cases", "findings", "nesting", "rows"]
+__all__ = ["PLANTS", "Experiment", "cases", "findings", "nesting", "results_of", "rows"]
 
 PLANTS: Mapping[int, tuple[setid.TransferFunction, tuple[float, ...]]] = MappingProxyType(
     {
@@ -87,9 +87,13 @@ class Experiment:
         model, theta = PLANTS[self.order]
         source = np.random.default_rng([self.seed, self.order, self.samples])
         u = source.uniform(-1.0, 1.0, self.samples)
-        return setid.simulate_record(model, theta, u, self._noise(u), source)
+        return setid.simulate_record(model, theta, u, self._noise_of(u), source)
 
-    def _noise(self, u: np.ndarray) -> setid.Noise:
+    def noise(self) -> setid.Noise:
+        """Bounds of the errors."""
+        return self._noise_of(self.record().u.ravel())
+
+    def _noise_of(self, u: np.ndarray) -> setid.Noise:
         model, theta = PLANTS[self.order]
         share = self.percent / 100.0
         output = share * float(np.abs(setid.simulate(model, theta, u)).max())
@@ -99,7 +103,7 @@ class Experiment:
     def task(self) -> RecordTask:
         """All ends of all intervals, on the box that the data alone give."""
         truth = self.record()
-        noise = self._noise(truth.u.ravel())
+        noise = self._noise_of(truth.u.ravel())
         known = setid.formulate(truth.data, PLANTS[self.order][0], noise, self.priors)
         box = find_box(known)
         assert box is not None
@@ -158,7 +162,7 @@ def rows(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
         known, options = task.known, _options(settings)
         result = setid.identify(known.data, known.model, known.noise, known.priors, options)
         found.append((result, task.truth))
-        return list(result.results)
+        return results_of(result)
 
     if "sparsepop_py" in setting.solvers:
         for measured in own_rows(family, case, "default", solve, tolerance, setting.repeats):
@@ -172,6 +176,28 @@ def rows(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
     own = own or setting.known.get(key_of(family, case))
     for name in peers_of(setting) if own is None or math.isfinite(own.gap) else ():
         yield from peer_rows(family, case, own, tolerance, setting, name)
+
+
+def results_of(result: setid.Identification) -> list[sp.Result]:
+    """List results of all ends, each with what its interval proves.
+
+    The engine's are not all: a box that the data prove may be closer.
+
+    Parameters
+    ----------
+    result : setid.Identification
+    """
+    if not result.results:
+        return []
+    units = in_units(result.problem, result.formulation).units.tolist()
+    found = []
+    for place, interval in enumerate(result.intervals.values()):
+        ends = interval.outer[0] / units[place], -interval.outer[1] / units[place]
+        for end, one in zip(ends, result.results[2 * place : 2 * place + 2], strict=True):
+            unproved = one.status is sp.Status.UNPROVED and math.isfinite(end)
+            status = sp.Status.BOUNDED if unproved else one.status
+            found.append(replace(one, lower_bound=max(one.lower_bound, end), status=status))
+    return found
 
 
 def _options(settings: Mapping[str, Any]) -> setid.Options:

@@ -13,7 +13,7 @@ from benchmarks.measuring.measure import Setting
 from benchmarks.measuring.registry import Selection
 from benchmarks.problems import block_structured, intervals
 from benchmarks.problems.families import REGISTRY
-from benchmarks.problems.intervals import Experiment
+from benchmarks.problems.intervals import PLANTS, Experiment, results_of
 from benchmarks.tables.report import report
 
 
@@ -93,3 +93,16 @@ def test_feedback_loops_stay_bounded() -> None:
         model, theta, _ = block_structured.KINDS[kind]
         y = setid.simulate(model, theta, -np.ones(300))
         assert np.all(np.abs(y) < 3.0)
+
+
+def test_ends_that_the_box_alone_proves_count() -> None:
+    """Cones of denominators close this record; the engine proves nothing of its own."""
+    made = Experiment("oe", 1, 500, 1.0, 0)
+    truth, noise = made.record(), made.noise()
+    result = setid.identify(truth.data, PLANTS[1][0], noise)
+    found = results_of(result)
+    for place, interval in enumerate(result.intervals.values()):
+        low, high = found[2 * place], found[2 * place + 1]
+        width = interval.outer[1] - interval.outer[0]
+        assert low.upper_bound - low.lower_bound < 1e-2 * width
+        assert high.upper_bound - high.lower_bound < 1e-2 * width
