@@ -19,7 +19,7 @@ OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "Tightening": [("cutoff", "uses_cutoff")],
     "Sublevel": [("level", "cutoff")],
 }
-VERSIONS = {"sparsepop-py": (2, 3, 4, 5, 6), "setid": (1, 2, 3, 4, 5, 6)}
+VERSIONS = {"sparsepop-py": (2, 3, 4, 5, 6), "setid": (1, 2, 3, 4, 5, 6, 7)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 

@@ -24,6 +24,7 @@ from ..files.reading import (
     whole,
 )
 from ..result import NotProved, shown
+from .driven import bounded_by
 from .linear_rows import Ends, bound_rows, combined, move
 from .parameter_box import proved_box
 from .structure import ZERO, Record, Structure, Terms
@@ -54,11 +55,15 @@ class Identification:
             raise Malformed("given: not two ends for each parameter")
         self._number()
         self.structure = self._stated(item(found, "structure", "file"))
+        self.driven = _with_rows_of(found)
         self.taken: list[str] = []  # what is not checked
         self.stated: list[str] = []  # rows that are part of the question
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
+        self.empty = False  # whether no parameters explain the record
+        self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
+        self.slack: dict[str, tuple[Any, Any]] = {}  # bounds of unknowns that priors bring
 
     def _number(self) -> None:
         """Which unknown is which parameter or sample."""
@@ -111,6 +116,7 @@ class Identification:
         if any(v in self.lifted for c in given for word in c.polynomial.terms for v in word):
             raise NotProved("a row that is given speaks of an unknown that another one defines")
         self.stated = [f"given: {self._shown(c)}" for c in given]
+        self.asked = {self._named(c) for c in given}
         self.whole = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
         for v in range(len(self.names), self.problem.dimension):
             self._check_bounds(v)
@@ -154,6 +160,16 @@ class Identification:
             for v in word:
                 found[word] /= self.units[v - 1]
         return found
+
+    def _named(self, c: Constraint) -> tuple[str, frozenset[Any]]:
+        """A row in names of unknowns, up to a positive factor."""
+        terms = {
+            tuple(sorted(self.labels[v - 1] for v in word)): value
+            for word, value in self._unscaled(c).items()
+            if value
+        }
+        size = sum(map(abs, terms.values())) or Fraction(1)
+        return c.kind, frozenset((word, value / size) for word, value in terms.items())
 
     def _shown(self, c: Constraint) -> str:
         """A row of a prior or a set of noise, in the units of the record."""
@@ -222,6 +238,7 @@ class Identification:
         known: tuple[Any, Any] | None = (-INF, INF)
         if group == "slack":
             known = (low, high)  # part of a prior, whose rows are taken as given
+            self.slack[self.labels[v]] = known
         elif group in GROUPS:
             size = self.record.bounds[GROUPS[group]][channel - 1][k]
             known = (-size, size)
@@ -239,6 +256,8 @@ class Identification:
         self.check_rows()
         box, why = proved_box(self)
         self.taken += why
+        if self.driven is not None:
+            box = bounded_by(self.driven, self, box)
         empty = any(a > b for a, b in zip(*box, strict=True))
         used = {v for c in self.problem.constraints for w in c.polynomial.terms for v in w}
         for v in range(len(self.names)):
@@ -251,6 +270,7 @@ class Identification:
             self.whole &= low >= self.given[0][v] and high <= self.given[1][v]
         points = self._ends(box) + self._linear(box)
         empty |= any(a > b for a, b in zip(*box, strict=True))
+        self.empty = empty
         lines = self._asked()
         for v, stated in enumerate(self.got.intervals):
             lines += self._interval(v, stated, box, points, empty)
@@ -371,6 +391,17 @@ class Identification:
         if a < least or b > most:
             return [f"{line}; attained is less than the file says"]
         return [f"{line}, attained from {shown(a)} to {shown(b)}"]
+
+
+def _with_rows_of(found: Any) -> Identification | None:
+    """Read an identification of the same record inside of another one; None where there is none."""
+    given = found.get("driven")
+    if given is None:
+        return None
+    if not isinstance(given, dict):
+        raise Malformed("driven: no object")
+    shared = {name: item(found, name, "file") for name in ("record", "noise")}
+    return Identification({**given, **shared, "driven": None})
 
 
 def times_terms(one: Terms, other: Terms) -> Terms:

@@ -8,7 +8,7 @@ denominators A_j and numerators B_j of its inputs has at every sample k the row
 denominators that are equal taken once. In the form "partial" it has instead the rows
 A_j z_j(k) - B_j u_j(k) = 0 for each input and y(k) - sum_j z_j(k) - c = 0. The form "multiplied"
 eliminates the z_j: c has the factor A_1 ... A_q at q = 1. The form "lifted" has the same rows, in
-which unknowns may stand for polynomials in the parameters.
+which unknowns may stand for polynomials in the parameters; so has "driven", with c alone.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Structure:
             rows = [[whole(v, "structure") for v in items(row, "structure")] for row in table]
             if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
                 raise Malformed("structure: orders that do not fit the channels")
-        forms = ("auto", "direct", "partial", *ELIMINATED)
+        forms = ("auto", "direct", "partial", "driven", *ELIMINATED)
         if got.common_denominator and len({n for row in got.na for n in row}) > 1:
             raise Malformed("structure: a common denominator of several orders")
         if got.initial not in ("free", "zero") or got.form not in forms:

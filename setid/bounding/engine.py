@@ -78,6 +78,7 @@ def by_engine(
     outcome: Outcome,
     loose: bool,
     points: Sequence[sp.ProvedPoint] = (),
+    at_ends: bool = True,
 ) -> Identification:
     """Bound all parameters by the engine, in units: two ends each over one feasible set.
 
@@ -91,11 +92,14 @@ def by_engine(
         Whether some parameters have no finite box.
     points : sequence of sparsepop_py.ProvedPoint
         Points near the ends that are known.
+    at_ends : bool
+        Whether these are near all ends: the engine searches for none then.
     """
     scaled = in_units(stated_problem(outcome), formulation)
     free, alone = free_parameters(formulation) if loose else ((), None)
     results = context.timed(
-        "engine", lambda: _solve(formulation, stated_problem(outcome), scaled, context, points)
+        "engine",
+        lambda: _solve(formulation, stated_problem(outcome), scaled, context, points, at_ends),
     )
     if any(found.status is sp.Status.INTERRUPTED for found in results):
         context.deadline.stop()
@@ -141,6 +145,7 @@ def _solve(
     scaled: InUnits,
     context: BoundingContext,
     known: Sequence[sp.ProvedPoint],
+    at_ends: bool,
 ) -> tuple[sp.Result, ...]:
     """Bound and attain all ends over one feasible set, in units."""
     settings = context.settings
@@ -157,7 +162,7 @@ def _solve(
     engine = settings.for_engine(until=context.deadline.wall_end)
     if context.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=context.deadline.cpu_left)
-    attained = known or coupled(formulation) or equations(formulation) > _LONG
+    attained = (known and at_ends) or coupled(formulation) or equations(formulation) > _LONG
     engine = replace(engine, refine="none") if points and attained else engine
     try:
         found = sp.solve_each(

@@ -18,6 +18,7 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
+from setid.bounding.driven_rows import by_driven_rows
 from setid.bounding.ends import is_closed, is_open
 from setid.bounding.engine import by_engine, without_box
 from setid.bounding.linear import at_linear_ends, by_linear_programs
@@ -35,7 +36,7 @@ from setid.minimum_noise.conflicting_samples import conflicting_rows, conflictin
 from setid.models.block import BlockStructured
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import problem_on_box
-from setid.result.assembling import Outcome
+from setid.result.assembling import Outcome, stated_problem
 from setid.result.identification import Identification
 
 __all__ = ["bound_parameters"]
@@ -144,8 +145,23 @@ def _on_box(
     if bilinear is not formulation:
         formulation = bilinear
         outcome = replace(outcome, problem=problem_on_box(formulation, box))
-    p = len(formulation.parameters)
+    return _on_loose_box(formulation, context, outcome, points)
+
+
+def _on_loose_box(
+    formulation: Formulation,
+    context: BoundingContext,
+    outcome: Outcome,
+    points: list[sp.ProvedPoint],
+) -> Identification:
+    """Bound the parameters on a box that may be infinite in some."""
+    problem, p = stated_problem(outcome), len(formulation.parameters)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
-    if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):
+    found = None
+    if loose.size and outcome.box is not None:
+        found = by_driven_rows(formulation, context, outcome, loose, _on_box)
+    if found is not None:
+        return found
+    if loose.size and (outcome.box is not None or isinstance(formulation.model, BlockStructured)):
         return without_box(formulation, context, outcome, loose)
     return by_engine(formulation, context, outcome, bool(loose.size), points)

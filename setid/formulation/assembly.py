@@ -17,7 +17,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
-from setid.formulation.lifting import LIFTED, Lifting, definitions, lift
+from setid.formulation.lifting import DRIVEN, LIFTED, Lifting, definitions, lift
 from setid.formulation.products import build_products
 from setid.formulation.regression import (
     Regression,
@@ -160,7 +160,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
 
 
 def _lifts(model: Structure) -> bool:
-    return isinstance(model, TransferFunction | BlockStructured) and model.form == LIFTED
+    return isinstance(model, TransferFunction | BlockStructured) and model.form in (LIFTED, DRIVEN)
 
 
 def _rows(found: Sequence[_Collected]) -> Rows:

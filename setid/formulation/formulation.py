@@ -20,7 +20,7 @@ from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidErr
 from setid.formulation.assembly import Rows, build, check_rows_of_priors
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
-from setid.formulation.lifting import LIFTED
+from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.printing import equation_text
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
@@ -356,7 +356,7 @@ def multiplied_out(formulation: Formulation) -> Formulation:
         return formulation
     plain: Structure = model
     if isinstance(model, TransferFunction):
-        plain = replace(model, form="multiplied")
+        plain = replace(model, form="direct" if model.form == DRIVEN else "multiplied")
     elif isinstance(model, BlockStructured):
         plain = model.changed(form="auto")
     return _of_structure(formulation, plain)

@@ -28,9 +28,10 @@ import sparsepop_py as sp
 from setid.formulation.layout import Layout
 from setid.models.equations import Equation, Lagged, Term
 
-__all__ = ["LIFTED", "Lifting", "definitions", "lift"]
+__all__ = ["DRIVEN", "LIFTED", "Lifting", "definitions", "lift"]
 
 LIFTED: Final = "lifted"  # the form of such structures, and the group of these unknowns
+DRIVEN: Final = "driven"  # the same with an offset of the equation
 Sum = tuple[tuple[float, tuple[str, ...]], ...]
 
 

@@ -17,7 +17,7 @@ from setid.models.html import InNotebook
 
 __all__ = ["Form", "TransferFunction", "expand"]
 
-Form = Literal["auto", "direct", "partial", "multiplied", "lifted"]
+Form = Literal["auto", "direct", "partial", "multiplied", "lifted", "driven"]
 _ELIMINATED = ("multiplied", "lifted")  # forms whose offset is added to the output itself
 Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
 
@@ -50,14 +50,15 @@ class TransferFunction(InNotebook):
         ``"free"``: rows start where all lags lie within the record, and the samples before
         are unknown. ``"zero"``: all signals are zero before the record, and every sample
         has a row.
-    form : {"auto", "direct", "partial", "multiplied", "lifted"}
+    form : {"auto", "direct", "partial", "multiplied", "lifted", "driven"}
         How several denominators meet in one output. ``"partial"``: the partial output
         z[i,j] of each pair is an unknown signal, rows are bilinear. ``"direct"``:
         denominators are multiplied out, degree p + 1 for p inputs. ``"auto"``: direct
         where rows stay bilinear, else partial. ``"multiplied"``: the rows that partial outputs
         leave when they are eliminated, those of ``"direct"`` with c (1 + sum a) of each
         denominator for c. ``"lifted"``: the same rows with sums of products of coefficients as
-        unknowns of their own, so that they are bilinear.
+        unknowns of their own, so that they are bilinear. ``"driven"``: the same unknowns in the
+        rows of ``"direct"``, whose c drives the equation.
 
     Raises
     ------
@@ -153,8 +154,7 @@ class TransferFunction(InNotebook):
         pairs = list(product(range(self.outputs), range(self.inputs)))
         a = [name for i, j in pairs for name in self._denominator(i, j)]
         b = [name for i, j in pairs for name in self._numerator(i, j)]
-        c = [self._offset(i) for i in range(self.outputs)] if self.offset else []
-        return tuple(dict.fromkeys([*a, *b, *c]))
+        return tuple(dict.fromkeys([*a, *b, *self.offsets()]))
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
         """Name coefficients of the transfer function between two channels (from 1).
@@ -184,6 +184,10 @@ class TransferFunction(InNotebook):
     def _numerator(self, i: int, j: int) -> tuple[str, ...]:
         first = self.nk[i][j]
         return tuple(f"b{self._pair(i, j)}{lag}" for lag in range(first, first + self.nb[i][j]))
+
+    def offsets(self) -> tuple[str, ...]:
+        """Names of the constants, one an output; none without an offset."""
+        return tuple(self._offset(i) for i in range(self.outputs)) if self.offset else ()
 
     def _offset(self, i: int) -> str:
         return "c" if self.outputs == 1 else f"c[{i + 1}]"

@@ -81,6 +81,9 @@ class Evidence:
     fewer_priors : Evidence or None
         Evidence of the same data, structure and noise with some of the priors: what it bounds
         is bounded with all of them.
+    driven : Evidence or None
+        Evidence of rows with an offset of the equation (:mod:`setid.proofs.driven`): the problem
+        has the parameters in what it bounds.
 
     Examples
     --------
@@ -101,6 +104,7 @@ class Evidence:
     reference: Evidence | None = None
     nonzero: Nonzero | None = None
     fewer_priors: Evidence | None = None
+    driven: Evidence | None = None
 
     @property
     def evidence(self) -> Evidence:

@@ -14,6 +14,7 @@ from setid.errors import NoiseError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
+from setid.proofs.driven import driven, within_driven
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import admitted, rows_say_all
 from setid.proofs.intervals import IntervalStatus
@@ -50,14 +51,15 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
         return Verification(False, reason)
     if claims.reference is not None:
         return _verify_reference(claims, claims.reference, again)
-    if claims.box is not None:
-        if not box_follows(claims.box, again):
-            return Verification(False, "the box does not follow from the data")
-        if claims.box.empty:
-            return Verification(claims.empty, "" if claims.empty else _NOT_EMPTY)
+    if reason := _box_fails(claims, again):
+        return Verification(False, reason)
+    if any(part is not None and part.empty for part in (claims.box, claims.driven)):
+        return Verification(claims.empty, "" if claims.empty else _NOT_EMPTY)
     if claims.bounds:
         return _verify_linear(claims, again)
     problem = problem_on_box(again, claims.box)
+    if claims.driven is not None:
+        problem = within_driven(problem, again, claims.driven.intervals)
     if problem.fingerprint != claims.problem.fingerprint:
         return Verification(False, "the problem is not that of the box")
     fewer = _verify_fewer(claims.fewer_priors, again)
@@ -91,6 +93,21 @@ def _verify_fewer(found: Evidence | None, again: Formulation) -> Verification:
     kept = [prior for prior in again.priors if prior in found.formulation.priors]
     stated = formulate(again.data, again.model, again.noise, kept)
     return verify(replace(found, formulation=stated), again.data)
+
+
+def _box_fails(claims: Evidence, again: Formulation) -> str:
+    """Say why the box of the parameters does not follow; empty where it does.
+
+    Rows with an offset of the equation are checked as if they had been asked.
+    """
+    if claims.box is not None and not box_follows(claims.box, again):
+        return "the box does not follow from the data"
+    if claims.driven is None:
+        return ""
+    stated = driven(again)
+    if stated is None or claims.driven.driven is not None:
+        return "rows with an offset of the equation prove nothing here"
+    return verify(replace(claims.driven, formulation=stated), again.data).reason
 
 
 def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> Verification:

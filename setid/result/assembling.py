@@ -34,7 +34,7 @@ class Outcome:
     ----------
     problem : sparsepop_py.Problem, optional
         That of the formulation when left out.
-    box, bounds, results, samples, notes, unbounded, reference, nonzero
+    box, bounds, results, samples, notes, unbounded, reference, nonzero, driven
         As of :class:`Identification`.
     """
 
@@ -47,6 +47,7 @@ class Outcome:
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    driven: Identification | None = None
 
 
 def stated_problem(outcome: Outcome) -> sp.Problem:
@@ -95,6 +96,7 @@ def result_of(
         unbounded=outcome.unbounded,
         reference=outcome.reference,
         nonzero=outcome.nonzero,
+        driven=outcome.driven,
     )
 
 

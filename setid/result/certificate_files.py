@@ -22,7 +22,7 @@ from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, coupled_rows, in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.denominators.denominator_box import DenominatorBox
-from setid.proofs.evidence import Claimed, EndProof
+from setid.proofs.evidence import Claimed, EndProof, Evidence
 from setid.proofs.parameter_box import product_rows, start_of
 from setid.proofs.simulated.tree import SimulatedBox
 from setid.result.denominator_files import denominator_steps
@@ -42,7 +42,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 6
+_FORMAT, _VERSION = "setid", 7
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -81,16 +81,30 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
         raise SetidError(
             "result: found ends that are proved with fewer priors, expected result.fewer_priors"
         )
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "is": "identification",
+        "identification": _shared(claims) | _own(claims),
+    }
+
+
+def _shared(claims: Evidence) -> dict[str, Any]:
+    """State what is asked of all rows of a record."""
+    formulation = claims.formulation
+    return {"record": _record(formulation.data), "noise": _noise(formulation)}
+
+
+def _own(claims: Evidence) -> dict[str, Any]:
+    """State structure, problem and proofs."""
     formulation = claims.formulation
     problem, layout = formulation.problem, formulation.layout
     scaled = in_units(claims.problem, formulation)
     about = scaled.problem if claims.ends or not claims.bounds else problem
     units = scaled.units if about is scaled.problem else np.ones(layout.dimension)
     start = start_of(formulation)
-    found = {
-        "record": _record(formulation.data),
+    return {
         "structure": _structure(formulation.model),
-        "noise": _noise(formulation),
         "assumptions": list(formulation.assumptions),
         "parameters": list(formulation.parameters),
         "variables": _variables(layout, formulation.data.samples),
@@ -99,6 +113,7 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
         "rows": _origins(formulation),
         "given": [[_number(v) for v in ends] for ends in start],
         "box": None if claims.box is None else _box(claims.box, formulation, start),
+        "driven": None if claims.driven is None else _own(claims.driven),
         "linear": [_linear_bound(bound) for bound in claims.bounds],
         "ends": [_end(item) for item in claims.ends],
         "intervals": [
@@ -110,12 +125,6 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
             }
             for item in claims.intervals.values()
         ],
-    }
-    return {
-        "format": _FORMAT,
-        "version": _VERSION,
-        "is": "identification",
-        "identification": found,
     }
 
 

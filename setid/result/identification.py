@@ -92,6 +92,9 @@ class Identification(FeasibleSet):
         What samples that were held out say of the noise bounds.
     fewer_priors : Identification, optional
         The result without priors that have unknowns of their own, where these intervals use it.
+    driven : Identification, optional
+        The result of rows with an offset of the equation, where the data bound no offset of the
+        output.
 
     Examples
     --------
@@ -118,6 +121,7 @@ class Identification(FeasibleSet):
     nonzero: Nonzero | None = None
     holdout: Holdout | None = None
     fewer_priors: Identification | None = None
+    driven: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -144,6 +148,7 @@ class Identification(FeasibleSet):
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,
             fewer_priors=None if self.fewer_priors is None else self.fewer_priors.evidence,
+            driven=None if self.driven is None else self.driven.evidence,
         )
 
     # ---- texts --------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from setid.errors import SetidError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.options import Options
+from setid.proofs.driven import within_driven
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
@@ -142,6 +143,7 @@ def _written(result: Identification) -> dict[str, Any]:
         "reference": None if result.reference is None else _written(result.reference),
         "nonzero": write(result.nonzero, "nonzero"),
         "fewer_priors": None if result.fewer_priors is None else _written(result.fewer_priors),
+        "driven": None if result.driven is None else _written(result.driven),
         "holdout": None if result.holdout is None else _held_out(result.holdout.level),
         "active": dict(result.active),
         "samples": [list(pair) for pair in result.samples],
@@ -197,13 +199,15 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         shared[text] = shared[text] if text in shared else read(prior, "priors")
     formulation = formulate(data, model, noise, [shared[text] for text in texts])
     box, bounds = read(found["box"], "box"), read(found["bounds"], "bounds")
-    reference, fewer = (
+    reference, fewer, driven = (
         None if found.get(key) is None else _result(found[key], shared)
-        for key in ("reference", "fewer_priors")
+        for key in ("reference", "fewer_priors", "driven")
     )
     problem = formulation.problem
     if problem.fingerprint != found["fingerprint"]:
         problem = problem_on_box(formulation, box)
+        if driven is not None and not driven.empty:
+            problem = within_driven(problem, formulation, driven.intervals)
     if problem.fingerprint != found["fingerprint"]:
         raise SetidError("from_json: the stored problem is not that of its record and its box")
     options = Options(**{name: found["options"][name] for name in _PLAIN})
@@ -226,6 +230,7 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         reference=reference,
         nonzero=read(found["nonzero"], "nonzero"),
         fewer_priors=fewer,
+        driven=driven,
         holdout=_holdout(found.get("holdout"), formulation, intervals, options),
     )
     check_fields(made, "result")

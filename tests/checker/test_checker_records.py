@@ -19,6 +19,7 @@ import setid
 from checker import command
 from checker.arithmetic.polynomial import Polynomial
 from checker.files import reading
+from checker.records.driven import check_question
 from checker.records.parameter_box import KINDS
 from checker.records.record import Identification
 from checker.result import NotProved
@@ -297,7 +298,7 @@ def attack(names, count, seed=0):
         found, chance = loaded(name), random.Random(f"{seed} {name} {number}")
         other = copy.deepcopy(found)
         fields = ["problem", "rows", "box", "ends", "linear", "intervals", "units", "variables"]
-        place = chance.choice([key for key in fields if other[key]])
+        place = chance.choice([key for key in (*fields, "driven") if other[key]])
         inner = {"certificate": other[place]}
         inner["certificate"] = damage.damaged(inner, chance)[0].get("certificate")
         other[place] = inner["certificate"]
@@ -330,6 +331,8 @@ def test_damaged_records_prove_nothing_false():
 @pytest.mark.slow
 def test_hundreds_of_damaged_records_prove_nothing_false():
     said, wrong = attack(("e-0", "o-0", "oi-0", "eoi-0", "stable-0", "box-0", "gap-range"), 700)
+    assert not wrong
+    said, wrong = attack(("two-poles-driven",), 60)
     assert not wrong
     assert said["refused"] + said["malformed"] > 300
 
@@ -503,3 +506,92 @@ def test_boxes_of_unknown_kinds_are_refused():
 
 def test_the_checker_names_every_kind_of_box_that_is_written():
     assert set(KINDS) == {kind.__name__ for kind in get_args(ProvedBox)}
+
+
+# ---- rows with an offset of the equation --------------------------------------------------------
+
+
+def test_rows_with_an_offset_of_the_equation_bound_the_others():
+    found = loaded("two-poles-driven")
+    assert found["driven"]["structure"]["form"] == "driven"
+    lines = Identification(found).check()
+    assert not any(line.startswith("taken as given") for line in lines)
+    assert sum("attained from" in line for line in lines) == len(found["parameters"])
+
+
+def driven_damage() -> dict:
+    """What may not pass: each change of the file, by what it would believe."""
+
+    def narrow(found: dict) -> None:
+        outer = found["driven"]["intervals"][2]["outer"]
+        outer[1] = 0.5 * (outer[0] + outer[1])
+
+    def given(found: dict) -> None:
+        found["driven"]["given"][0][0] = -0.9
+
+    def offset_given(found: dict) -> None:
+        found["given"][1][4], found["driven"]["given"][1][4] = 5.0, 5.0
+
+    def a_row(found: dict) -> None:
+        inner = found["driven"]
+        inner["problem"]["constraints"].append(inner["problem"]["constraints"][-1])
+        inner["rows"].append(None)
+
+    def errors(found: dict) -> None:
+        found["noise"]["equation"][0][3] = 0.1
+
+    def no_object(found: dict) -> None:
+        found["driven"] = [1]
+
+    def left_out(found: dict) -> None:
+        found["driven"] = None
+
+    every = (narrow, given, offset_given, a_row, errors, no_object, left_out)
+    return {f.__name__: f for f in every}
+
+
+DRIVEN_STRUCTURES = {
+    "another order": ("outside", {"nk": [[0, 1]]}),
+    "the same offset": ("outside", {"form": "direct"}),
+    "offsets of outputs": ("inside", {"form": "lifted"}),
+    "at rest": ("inside", {"initial": "zero"}),
+    "no offset": ("inside", {"offset": False}),
+    "another structure": ("inside", {"is": "rows", "text": "some"}),
+}
+
+
+@pytest.mark.parametrize("name", DRIVEN_STRUCTURES)
+def test_rows_of_other_structures_bound_nothing(name):
+    found = loaded("two-poles-driven-box")
+    where, fields = DRIVEN_STRUCTURES[name]
+    (found if where == "outside" else found["driven"])["structure"] |= fields
+    with pytest.raises((NotProved, reading.Malformed)):
+        Identification(found).check()
+
+
+@pytest.mark.parametrize("name", driven_damage())
+def test_rows_with_an_offset_of_the_equation_are_nothing_else(name):
+    found = loaded("two-poles-driven-box")
+    driven_damage()[name](found)
+    with pytest.raises((NotProved, reading.Malformed)):
+        Identification(found).check()
+
+
+def test_a_given_row_about_an_offset_is_not_one_about_the_other():
+    """Both are called c; a row that is given of the output's is none of the equation's."""
+    found = loaded("two-poles-driven")
+    for part in (found, found["driven"]):
+        place = part["parameters"].index("c") + 1
+        row = copy.deepcopy(part["problem"]["constraints"][-1]) | {"kind": "NONNEGATIVE"}
+        words, values = row["polynomial"]["words"], row["polynomial"]["coefficients"]
+        words["data"], words["shape"] = [0, place], [2, 1]
+        values["data"], values["shape"] = [100.0, -part["units"][place - 1]], [2]
+        part["problem"]["constraints"].append(row)
+        part["rows"].append(None)
+    about = Identification(found)
+    assert about.driven is not None
+    for part in (about, about.driven):
+        part.check_rows()
+    assert about.asked == about.driven.asked and len(about.asked) == 1
+    with pytest.raises(NotProved, match="speaks of an offset"):
+        check_question(about, about.driven, ["c"])

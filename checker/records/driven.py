@@ -1,0 +1,69 @@
+"""Parameters bounded by rows with an offset of the equation.
+
+Where an offset c is added to an output, rows hold c times the denominators at q = 1. That product d
+is the offset of the form "driven", whose other parameters are the same: what is proved of these
+holds for both, and c lies in the quotient. No sample before the record is known there, so that the
+rows hold for systems at rest as well.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..arithmetic import interval as iv
+from ..arithmetic.polynomial import INF
+from ..files.reading import item, items, number
+from ..result import NotProved
+from .linear_rows import Ends, met
+from .parameter_box import at_one
+
+ORDERS = ("na", "nb", "nk", "common_denominator", "offset")
+
+
+def bounded_by(inner: Any, about: Any, box: Ends) -> Ends:
+    """Shrink a box by an identification whose offsets drive the equations."""
+    check_structures(about, inner)
+    inner.check()
+    about.taken += inner.taken
+    one = about.structure
+    offsets = [name for i in one.outputs for term in one.offset(i) for name in term.parameters]
+    check_question(about, inner, offsets)
+    if inner.empty:
+        return [[INF] * len(about.names), [-INF] * len(about.names)]
+    outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
+    known = [(iv.below(number(a, "outer")), iv.above(number(b, "outer"))) for a, b in outer]
+    letters = {name: v for v, name in enumerate(about.names, 1)}
+    for i, name in enumerate(offsets):
+        factors = [[letters[a] for a in d] for d in one.denominators(i)]
+        known[letters[name] - 1] = iv.quotient(known[letters[name] - 1], at_one(factors, known))
+    return met(box, [iv.exact(a) for a, _ in known], [iv.exact(b) for _, b in known])
+
+
+def check_structures(about: Any, inner: Any) -> None:
+    """Check that one structure is the other with offsets that drive the equations."""
+    one, two = about.structure, inner.structure
+    if one is None or two is None or any(one.shown[k] != two.shown[k] for k in ORDERS):
+        raise NotProved("driven: rows of another structure")
+    if (two.shown["form"], two.zero) != ("driven", False) or not one.shown["offset"]:
+        raise NotProved("driven: rows whose offset does not drive the equation")
+    if one.shown["form"] in ("direct", "driven"):
+        raise NotProved("driven: rows about the same offset")
+    if any(any(column) for column in about.record.bounds["equation"]):
+        raise NotProved("driven: equation errors, which are not those of sums")
+
+
+def check_question(about: Any, inner: Any, offsets: list[str]) -> None:
+    """Check that nothing is given beside what is given of the other, and nothing of offsets."""
+    for v, name in enumerate(about.names):
+        low, high = (-INF, INF) if name in offsets else (side[v] for side in about.given)
+        if inner.given[0][v] > low or inner.given[1][v] < high:
+            raise NotProved(f"driven: {name} is bounded more than is given")
+    if not inner.asked <= about.asked:
+        raise NotProved("driven: a row that is not given")
+    for kind, row in inner.asked:
+        if any(name in offsets for word, _ in row for name in word):
+            raise NotProved(f"driven: a row of kind {kind} that speaks of an offset")
+    for name, (low, high) in inner.slack.items():
+        known = about.slack.get(name, (-INF, INF))
+        if low > known[0] or high < known[1]:
+            raise NotProved(f"driven: {name} is bounded more than is given")
