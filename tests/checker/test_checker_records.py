@@ -6,7 +6,9 @@ import copy
 import json
 import math
 import random
+from contextlib import nullcontext
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import get_args
 
 import certificate_damage as damage
@@ -19,7 +21,7 @@ import setid
 from checker import command
 from checker.arithmetic.polynomial import Polynomial
 from checker.files import reading
-from checker.records.driven import check_question
+from checker.records.driven import check_question, check_structures
 from checker.records.parameter_box import KINDS
 from checker.records.record import Identification
 from checker.result import NotProved
@@ -595,3 +597,55 @@ def test_a_given_row_about_an_offset_is_not_one_about_the_other():
     assert about.asked == about.driven.asked and len(about.asked) == 1
     with pytest.raises(NotProved, match="speaks of an offset"):
         check_question(about, about.driven, ["c"])
+
+
+SHOWN = {
+    "na": [[1, 1]],
+    "nb": [[1, 1]],
+    "nk": [[1, 1]],
+    "common_denominator": False,
+    "offset": True,
+}
+
+
+@pytest.mark.parametrize(
+    ("form", "two", "error", "why"),
+    [
+        ("auto", {}, 0.0, None),
+        ("lifted", {}, 0.0, None),
+        ("auto", {"nk": [[1, 2]]}, 0.0, "another structure"),
+        ("auto", {"form": "lifted"}, 0.0, "does not drive"),
+        ("direct", {}, 0.0, "the same offset"),
+        ("driven", {}, 0.0, "the same offset"),
+        ("auto", {}, 0.1, "equation errors"),
+    ],
+)
+def test_structures_differ_in_their_offset_alone(form, two, error, why):
+    one = SimpleNamespace(shown=SHOWN | {"form": form}, zero=True)
+    other = SimpleNamespace(shown=SHOWN | {"form": "driven"} | two, zero=False)
+    bounds = SimpleNamespace(bounds={"equation": [[0.0, error]]})
+    about, inner = (SimpleNamespace(structure=s, record=bounds) for s in (one, other))
+    with nullcontext() if why is None else pytest.raises(NotProved, match=why):
+        check_structures(about, inner)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({}, None),
+        ({"asked": set(), "slack": {}}, None),
+        ({"given": [[-INF, -INF], [INF, INF]]}, None),
+        ({"given": [[-0.5, -INF], [1, INF]]}, "a is bounded more"),
+        ({"given": [[-1, -INF], [1, 5]]}, "c is bounded more"),
+        ({"asked": {("ZERO", frozenset({(("a",), 1)}))}}, "not given"),
+        ({"slack": {"slack[1]": (0, 2)}}, r"slack\[1\] is bounded more"),
+        ({"slack": {"slack[2]": (0, 2)}}, r"slack\[2\] is bounded more"),
+    ],
+)
+def test_no_more_is_given_of_the_rows_inside(changes, why):
+    row = ("NONNEGATIVE", frozenset({(("a",), 1)}))
+    fields = {"asked": {row}, "slack": {"slack[1]": (0, 3)}}
+    about = SimpleNamespace(names=["a", "c"], given=[[-1, 0], [1, 5]], **fields)
+    inner = SimpleNamespace(**({"given": [[-1, -INF], [1, INF]]} | fields | changes))
+    with nullcontext() if why is None else pytest.raises(NotProved, match=why):
+        check_question(about, inner, ["c"])
