@@ -77,7 +77,7 @@ def by_driven_rows(
     scaled = in_units(problem, formulation)
     points = context.timed("points", lambda: _points(formulation, scaled, found))
     p = len(formulation.parameters)
-    if points and np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
+    if np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return by_engine(formulation, context, outcome, False, points, at_ends=False)
     results = tuple(_best(scaled, formulation, points)) if points else ()
     items = intervals_of(formulation, scaled, results, context.settings.tol)
@@ -88,14 +88,16 @@ def _points(
     formulation: Formulation, scaled: InUnits, found: Identification
 ) -> list[sp.ProvedPoint]:
     """Prove points at the ends that the rows attain."""
-    sums = found.formulation.layout.group(LIFTED)
+    sums, layout = found.formulation.layout.group(LIFTED), formulation.layout
+    if found.problem.dimension - sums.size != layout.dimension - layout.group(LIFTED).size:
+        return []  # a prior that speaks of an offset has unknowns of its own
     every = [w for interval in found.intervals.values() for w in interval.witnesses]
     points = list[sp.ProvedPoint]()
     for witness in {w.tobytes(): w for w in every if w is not None}.values():
         theta = _with_offsets(formulation, witness[: len(formulation.parameters)])
         if theta is None:
             continue
-        x = np.zeros(formulation.layout.dimension)
+        x = np.zeros(layout.dimension)
         same = witness.size - sums.size  # the sums are the last unknowns of both
         x[:same] = witness[:same]
         x[: theta.size] = theta

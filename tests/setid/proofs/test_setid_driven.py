@@ -11,11 +11,13 @@ from scipy.optimize import linprog, minimize
 from scipy.signal import lfilter
 
 import setid
+from checker.records.record import Identification as Checked
 from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import formulate, without_partial_outputs
 from setid.proofs.driven import driven, within_driven
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.verification import verify
+from setid.result.certificate_files import certificate_files
 
 MODEL = setid.TransferFunction(1, 1, 1, inputs=2, offset=True)
 THETA, NOISE = [-0.8, -0.5, 1.0, 0.6, 3.0], setid.Noise(output=0.05)
@@ -160,7 +162,12 @@ def test_an_offset_is_the_quotient() -> None:
 def test_noise_too_small_is_refuted() -> None:
     small = setid.Noise(output=0.01)
     found = setid.identify(record(), MODEL, small, [setid.Stable()], setid.Options(time_limit=60))
-    assert found.empty and found.verify()
+    assert found.empty and found.driven is not None and found.verify()
+    back = setid.Identification.from_json(found.to_json())
+    assert back.empty and back.verify()
+    lines = Checked(certificate_files(found)["identification"]).check()
+    assert lines[-1] == "proved: no parameters explain the record"
+    assert not verify(replace(found.evidence, driven=None))
 
 
 def test_offsets_that_nothing_bounds_stay_so() -> None:
