@@ -33,7 +33,7 @@ from setid.formulation.formulation import (
     settled,
     without_partial_outputs,
 )
-from setid.formulation.lifting import LIFTED
+from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.html import listing, section, table
@@ -47,6 +47,7 @@ from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior, listed
 from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
+from setid.proofs.driven import driven
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import rows_say_all
 from setid.proofs.least_noise.noise_scale import (
@@ -79,6 +80,7 @@ _MULTIPLIED = (
     "denominators are multiplied out, which keeps every consistent parameter vector; the attained "
     "factor may be that of one whose denominators have a common zero"
 )
+_DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
 _SEARCH = 5.0  # seconds for a better estimate
 _MANY = 100  # equations: where cells of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
@@ -311,7 +313,7 @@ def consistency(
         and formulation.problem.dimension == len(formulation.parameters)
     ):
         return _exactly(formulation, noise)
-    formulation = without_partial_outputs(formulation, from_rest=True)
+    formulation = _of_one_offset(without_partial_outputs(formulation, from_rest=True))
     model = formulation.model
     least = None
     if _is_long(formulation):
@@ -322,9 +324,18 @@ def consistency(
     return _by_engine(data, model, noise, given, settings, until, least)
 
 
+def _of_one_offset(formulation: Formulation) -> Formulation:
+    """State rows with an offset of the equation, which data bound, where nothing is given of it."""
+    found = driven(formulation) if formulation.model.initial == "free" else None
+    same = found is not None and len(found.priors) == len(formulation.priors)
+    return found if found is not None and same else formulation
+
+
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
     model, texts = formulation.model, [*noise.assumptions, *formulation.assumptions]
-    if isinstance(model, TransferFunction) and model.form == LIFTED:
+    if isinstance(model, TransferFunction) and model.form == DRIVEN:
+        texts.append(_DRIVEN)
+    if isinstance(model, TransferFunction) and model.form in (LIFTED, DRIVEN):
         texts.append(_MULTIPLIED)
     return tuple(dict.fromkeys(texts))
 

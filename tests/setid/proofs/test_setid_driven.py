@@ -160,7 +160,7 @@ def test_an_offset_is_the_quotient() -> None:
 
 
 def test_noise_too_small_is_refuted() -> None:
-    small = setid.Noise(output=0.01)
+    small = setid.Noise(output=0.04)  # the least is .0435, see the next test
     found = setid.identify(record(), MODEL, small, [setid.Stable()], setid.Options(time_limit=60))
     assert found.empty and found.driven is not None and found.verify()
     back = setid.Identification.from_json(found.to_json())
@@ -168,6 +168,37 @@ def test_noise_too_small_is_refuted() -> None:
     lines = Checked(certificate_files(found)["identification"]).check()
     assert lines[-1] == "proved: no parameters explain the record"
     assert not verify(replace(found.evidence, driven=None))
+
+
+def test_the_least_noise_is_that_of_programs_for_given_poles() -> None:
+    """Linear programs for poles in [-1, 1], which know nothing of rows."""
+    data = record()
+    found = setid.consistency(data, MODEL, setid.Noise(output=1.0), [setid.Stable()])
+
+    def least(poles: np.ndarray) -> float:
+        if np.any(np.abs(poles) > 1.0):
+            return math.inf
+        k, y = np.arange(data.samples), data.y[:, 0]
+        columns = [lfilter([0, 1], [1, -p], u) for p, u in zip(poles, data.u.T, strict=True)]
+        slopes = np.column_stack([*columns, np.ones(k.size), *(p**k for p in poles)])
+        one = np.ones((k.size, 1))
+        below = np.block([[slopes, -one], [-slopes, -one]])
+        cost, right = np.append(np.zeros(5), 1.0), np.concatenate([y, -y])
+        return float(linprog(cost, below, right, bounds=(None, None)).fun)
+
+    best = minimize(least, [0.8, 0.5], method="Nelder-Mead", options=FINE).fun
+    low, high = found.scale
+    assert low <= best * (1 + 1e-9) and best <= high * (1 + 1e-9)
+    assert high - low < 2e-3 * high and found.verify()
+    assert any("drives the equation" in text for text in found.assumptions)
+
+
+def test_what_is_given_of_an_offset_keeps_it() -> None:
+    """A bound of c is none of the offset of the equation."""
+    priors = [setid.Stable(), setid.Box({"c": (2.5, 3.5)})]
+    found = setid.consistency(record(), MODEL, setid.Noise(output=1.0), priors)
+    assert found.formulation.model.form == "lifted" and found.verify()
+    assert found.theta is not None and 2.5 <= found.theta[4] <= 3.5
 
 
 def test_offsets_that_nothing_bounds_stay_so() -> None:
