@@ -33,7 +33,7 @@ from sparsepop_py.verified.points.feasible_point import valued
 __all__ = ["by_driven_rows"]
 
 Reals = NDArray[np.float64]
-_SHARE = 0.7  # of the time, for these rows
+_SHARE = 0.85  # of the time, for these rows
 _OFFSETS = (
     "where a pole may be at 1 the data do not bound what is added to the output; the other "
     "parameters are bounded by rows in which its product with the denominators at q = 1 stands"
