@@ -202,7 +202,7 @@ class Consistency(NoiseScale):
         lines = [f"least factor on the noise bounds: {ends}"]
         lines.append(_MEANING[self.explains])
         if self.theta is not None:
-            pairs = zip(self.formulation.parameters, self.theta.tolist(), strict=True)
+            pairs = zip(_names(self.formulation), self.theta.tolist(), strict=True)
             lines.append("attained by " + ", ".join(f"{n} = {v:.6g}" for n, v in pairs))
         if self.samples:
             lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
@@ -329,6 +329,14 @@ def _of_one_offset(formulation: Formulation) -> Formulation:
     found = driven(formulation) if formulation.model.initial == "free" else None
     same = found is not None and len(found.priors) == len(formulation.priors)
     return found if found is not None and same else formulation
+
+
+def _names(formulation: Formulation) -> list[str]:
+    """Name the parameters for people: offsets that drive equations are not those of outputs."""
+    model, offsets = formulation.model, tuple[str, ...]()
+    if isinstance(model, TransferFunction) and model.form == DRIVEN:
+        offsets = model.offsets()
+    return [f"{n} of the equation" if n in offsets else n for n in formulation.parameters]
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:

@@ -191,6 +191,7 @@ def test_the_least_noise_is_that_of_programs_for_given_poles() -> None:
     assert low <= best * (1 + 1e-9) and best <= high * (1 + 1e-9)
     assert high - low < 2e-3 * high and found.verify()
     assert any("drives the equation" in text for text in found.assumptions)
+    assert "c of the equation = " in found.summary()
 
 
 def test_what_is_given_of_an_offset_keeps_it() -> None:
