@@ -26,7 +26,7 @@ from setid.feasible_points.witness import consistent
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.regression import regression_of_data
 from setid.models.equations import Structure
-from setid.simulation.responses import from_readings, known_from, run
+from setid.simulation.responses import begun, run
 
 __all__ = ["BestMember", "Goal", "best", "fit", "predicted", "simulated", "started"]
 
@@ -201,10 +201,9 @@ def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
     model : Structure
     data : IOData
     """
-    first = max((e.lag for e in from_readings(model)), default=0)
     found = np.zeros(data.samples, bool)
     for begin, end in pairwise([*data.starts.tolist(), data.samples]):
-        found[begin : begin + known_from(data.y[begin:end], first)] = True
+        found[begin : begin + begun(model, data.y[begin:end])] = True
     return found
 
 

@@ -12,11 +12,11 @@ from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Structure, Transfer
-from setid.models.general import nonlinear_rows
 from setid.models.lti import TransferFunction
 from setid.simulation.simulate import leading, simulate, weight
 
 __all__ = [
+    "begun",
     "frequency_response",
     "frequency_weights",
     "from_readings",
@@ -144,7 +144,7 @@ def frequency_response(
     return np.asarray(response.T, np.complex128)
 
 
-def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None = None) -> Reals:
+def run(model: Structure, theta: ArrayLike, data: IOData) -> Reals:
     """Simulate the model for a record's inputs, without its later outputs.
 
     Parameters
@@ -155,8 +155,6 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
         Inputs must be complete. Where the model's ``initial`` is ``"free"`` and its outputs follow
         from readings (:func:`from_readings`), the first outputs of each record are those that
         were read, up to the first complete ones; otherwise everything is at rest before the record.
-    from_rest : bool, optional
-        Overrides that.
 
     Returns
     -------
@@ -170,14 +168,12 @@ def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None
     if np.any(np.isnan(data.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
     values = np.asarray(theta, float)
-    rest = not from_readings(model) if from_rest is None else from_rest
     bounds = [*data.starts.tolist(), data.samples]
     parts = []
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
-        if rest:
-            parts.append(simulate(model, values, data.u[begin:end]))
-        else:
-            parts.append(_continue(model, values, data.u[begin:end], data.y[begin:end]))
+        u, y = data.u[begin:end], data.y[begin:end]
+        first = begun(model, y)
+        parts.append(_continue(model, values, u, y, first) if first else simulate(model, values, u))
     return np.concatenate(parts)
 
 
@@ -197,14 +193,42 @@ def from_readings(model: Structure) -> tuple[Equation, ...]:
     >>> from_readings(model)[0].lag
     2
     """
-    return () if model.initial == "zero" else _of_readings(model)
+    if model.initial == "zero":
+        return ()
+    return model.multiplied() if isinstance(model, TransferFunction) else tuple(model.regression())
 
 
-def _of_readings(model: Structure) -> tuple[Equation, ...]:
-    equations = tuple(model.regression())
-    return (
-        model.multiplied() if not equations and isinstance(model, TransferFunction) else equations
-    )
+def begun(model: Structure, y: Reals) -> int:
+    """Count the samples of a record from which a simulation starts; 0 where it starts at rest.
+
+    Sums over several denominators, which predict nothing one step ahead, start at rest where the
+    readings are too sparse.
+
+    Parameters
+    ----------
+    model : Structure
+    y : (N, ny) float
+        NaN where a reading is missing.
+
+    Raises
+    ------
+    SetidError
+        If there are too few readings in a row for another structure.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> sparse = np.array([[1.0], [np.nan], [2.0], [np.nan]])
+    >>> begun(setid.TransferFunction(na=1, nb=1, nk=1, inputs=2), sparse)
+    0
+    """
+    first = max((equation.lag for equation in from_readings(model)), default=0)
+    try:
+        return known_from(y, first)
+    except SetidError:
+        if model.regression():
+            raise
+        return 0
 
 
 def known_from(y: Reals, first: int) -> int:
@@ -241,12 +265,9 @@ def known_from(y: Reals, first: int) -> int:
     return len(y)
 
 
-def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
-    """From the first complete readings on, sample by sample."""
-    equations = _of_readings(model)
-    if not equations:
-        raise ModelError(f"model: {nonlinear_rows(model)} can be simulated from rest only")
-    result, first = y.copy(), known_from(y, max(e.lag for e in equations))
+def _continue(model: Structure, theta: Reals, u: Reals, y: Reals, first: int) -> Reals:
+    """From some sample on, after complete readings, sample by sample."""
+    equations, result = from_readings(model), y.copy()
     place = dict(zip(model.parameters, theta.tolist(), strict=True))
     signals: Mapping[str, Any] = {
         **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},

@@ -63,6 +63,14 @@ def test_simulations_go_on_from_the_first_readings() -> None:
     assert np.allclose(run(MODEL, THETA, gone), data.y, atol=1e-9)
 
 
+def test_sparse_readings_leave_simulations_at_rest() -> None:
+    """There are no two readings in a row to start from; predictions do not exist here."""
+    data = record(True)
+    y = data.y.copy()
+    y[1::2] = np.nan
+    assert np.allclose(run(MODEL, THETA, setid.IOData(data.u, y)), data.y, atol=1e-9)
+
+
 def test_records_one_after_another_have_first_samples_of_their_own() -> None:
     whole = record(False)
     two = setid.IOData(whole.u, whole.y, starts=[0, 40])
