@@ -16,6 +16,7 @@ from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import formulate, without_partial_outputs
 from setid.proofs.driven import driven, within_driven
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.parameter_box import problem_on_box
 from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
 
@@ -90,7 +91,7 @@ def changed(result: setid.Identification, name: str, outer: tuple[float, float])
     items[name] = ParameterInterval(name, outer, None, IntervalStatus.PARTIAL)
     own = replace(found.driven, intervals=FrozenMapping(items))
     problem = within_driven(
-        setid.proofs.parameter_box.problem_on_box(found.formulation, found.box),
+        problem_on_box(found.formulation, found.box),
         found.formulation,
         items,
     )
@@ -107,6 +108,21 @@ def test_forged_rows_are_noticed(result: setid.Identification) -> None:
     assert not verify(replace(evidence, driven=None))
     assert not verify(replace(evidence, driven=replace(evidence.driven, driven=evidence.driven)))
     assert not verify(replace(evidence, driven=evidence))
+
+
+def test_rows_with_more_priors_are_not_those_of_the_question(result: setid.Identification) -> None:
+    """What holds with a box of b holds for nobody who gave none."""
+    found, p = result.evidence, len(result.intervals)
+    narrow = [setid.Stable(), setid.Box({"b[1,1]1": (1.0, 1.0001)})]
+    model = replace(MODEL, form="driven")
+    other = setid.identify(record(), model, NOISE, narrow, setid.Options(time_limit=30)).evidence
+    assert verify(other)
+    plain = problem_on_box(found.formulation, found.box)
+    problem = within_driven(plain, found.formulation, other.intervals)
+    ends = zip(result.intervals, problem.lower[:p], problem.upper[:p], strict=True)
+    items = {n: ParameterInterval(n, (a, b), None, IntervalStatus.PARTIAL) for n, a, b in ends}
+    forged = replace(found, driven=other, problem=problem, ends=(), intervals=FrozenMapping(items))
+    assert not verify(forged)
 
 
 def test_rows_are_stated_where_they_say_more() -> None:
