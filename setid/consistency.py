@@ -24,8 +24,8 @@ from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
-from setid.feasible_points.output_error import least_largest_error
-from setid.feasible_points.separate_denominators import has_separate_denominators
+from setid.feasible_points.fits.output_error import least_largest_error
+from setid.feasible_points.fits.separate_denominators import has_separate_denominators
 from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import (
     Formulation,

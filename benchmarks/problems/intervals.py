@@ -87,13 +87,9 @@ class Experiment:
         model, theta = PLANTS[self.order]
         source = np.random.default_rng([self.seed, self.order, self.samples])
         u = source.uniform(-1.0, 1.0, self.samples)
-        return setid.simulate_record(model, theta, u, self._noise_of(u), source)
+        return setid.simulate_record(model, theta, u, self._noise(u), source)
 
-    def noise(self) -> setid.Noise:
-        """Bounds of the errors."""
-        return self._noise_of(self.record().u.ravel())
-
-    def _noise_of(self, u: np.ndarray) -> setid.Noise:
+    def _noise(self, u: np.ndarray) -> setid.Noise:
         model, theta = PLANTS[self.order]
         share = self.percent / 100.0
         output = share * float(np.abs(setid.simulate(model, theta, u)).max())
@@ -103,7 +99,7 @@ class Experiment:
     def task(self) -> RecordTask:
         """All ends of all intervals, on the box that the data alone give."""
         truth = self.record()
-        noise = self._noise_of(truth.u.ravel())
+        noise = self._noise(truth.u.ravel())
         known = setid.formulate(truth.data, PLANTS[self.order][0], noise, self.priors)
         box = find_box(known)
         assert box is not None

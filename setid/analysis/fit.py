@@ -20,12 +20,12 @@ from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
 from setid.feasible_points.best import fit as fit_of
 from setid.feasible_points.best import per_cent, predicted
-from setid.feasible_points.output_error import (
+from setid.feasible_points.fits.output_error import (
     least_error_at,
     least_largest_error,
     output_error_fit,
 )
-from setid.feasible_points.separate_denominators import has_separate_denominators
+from setid.feasible_points.fits.separate_denominators import has_separate_denominators
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, without_partial_outputs
 from setid.formulation.regression import Regression, check_channels, regression_of_data

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
-from setid.feasible_points.output_error import output_error_fit
+from setid.feasible_points.fits.output_error import output_error_fit
 from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
 from setid.feasible_set.simulations import principal_directions, simulated_box
 from setid.formulation.formulation import Formulation

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.errors import ModelError, SetidError
-from setid.feasible_points.output_error import least_largest_error
+from setid.feasible_points.fits.output_error import least_largest_error
 from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from setid.feasible_points.random_poles import random_denominator
+from setid.feasible_points.fits.random_poles import random_denominator
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.denominators.denominator_cells import first_cones

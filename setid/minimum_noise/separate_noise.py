@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from setid.feasible_points.separate_denominators import SeparateOutput
+from setid.feasible_points.fits.separate_denominators import OutputFit, SeparateOutput, fit_outputs
 from setid.formulation.formulation import Formulation
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.exchanges import Approximation, approximated
@@ -44,7 +44,7 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
     -------
     theta : (p,) float
     outputs : (N, ny) float
-        Of the model; where no equation tells of a sample, its reading.
+        Of the model, as of :func:`separate_fit`.
     or None
         Where some output has too few readings.
     """
@@ -52,20 +52,15 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
     assert isinstance(model, TransferFunction)
     bounds = formulation.noise.bounds(data)[0]
     stable = frozenset[tuple[str, ...]]().union(*(p.stable(model) for p in formulation.priors))
-    place = {name: k for k, name in enumerate(model.parameters)}
-    theta, outputs = np.zeros(len(place)), np.where(np.isnan(data.y), 0.0, data.y)
-    for output in range(model.outputs):
+
+    def fit(output: SeparateOutput) -> OutputFit | None:
         now = time.monotonic()
-        own = now + max(until - now, 0.0) / (model.outputs - output)
-        bound = np.maximum(bounds[:, output], _LEAST * float(bounds[:, output].max()))
-        separate = SeparateOutput(data, model, output)
-        found = _Descent(separate, data.y[:, output], bound, stable).run(own)
-        if found is None:
-            return None
-        outputs[separate.told, output], values = found
-        for name, value in values.items():
-            theta[place[name]] = value
-    return theta, outputs
+        own = now + max(until - now, 0.0) / (model.outputs - output.number)
+        bound, y = bounds[:, output.number], data.y[:, output.number]
+        size = np.maximum(bound, _LEAST * float(bound.max()))
+        return _Descent(output, y, size, stable).run(own)
+
+    return fit_outputs(data, model, fit)
 
 
 class _Descent:
@@ -79,7 +74,7 @@ class _Descent:
         self._target = y[output.known] / self._bound
         self._best, self._level = np.zeros(0), _FAR
 
-    def run(self, until: float) -> tuple[Reals, dict[str, float]] | None:
+    def run(self, until: float) -> OutputFit | None:
         """Descend from several minima of least squares; return outputs and parameters."""
         starts = list[Reals]()
         for _, a in self._output.minima(until):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -167,13 +167,16 @@ def run(model: Structure, theta: ArrayLike, data: IOData) -> Reals:
     """
     if np.any(np.isnan(data.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
-    values = np.asarray(theta, float)
+    values, equations = np.asarray(theta, float), from_readings(model)
     bounds = [*data.starts.tolist(), data.samples]
     parts = []
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
         u, y = data.u[begin:end], data.y[begin:end]
-        first = begun(model, y)
-        parts.append(_continue(model, values, u, y, first) if first else simulate(model, values, u))
+        first = _begun(model, equations, y)
+        if first:
+            parts.append(_continued(equations, model.parameters, values, u, y, first))
+        else:
+            parts.append(simulate(model, values, u))
     return np.concatenate(parts)
 
 
@@ -222,7 +225,11 @@ def begun(model: Structure, y: Reals) -> int:
     >>> begun(setid.TransferFunction(na=1, nb=1, nk=1, inputs=2), sparse)
     0
     """
-    first = max((equation.lag for equation in from_readings(model)), default=0)
+    return _begun(model, from_readings(model), y)
+
+
+def _begun(model: Structure, equations: Sequence[Equation], y: Reals) -> int:
+    first = max((equation.lag for equation in equations), default=0)
     try:
         return known_from(y, first)
     except SetidError:
@@ -265,10 +272,17 @@ def known_from(y: Reals, first: int) -> int:
     return len(y)
 
 
-def _continue(model: Structure, theta: Reals, u: Reals, y: Reals, first: int) -> Reals:
+def _continued(
+    equations: Sequence[Equation],
+    names: Sequence[str],
+    theta: Reals,
+    u: Reals,
+    y: Reals,
+    first: int,
+) -> Reals:
     """From some sample on, after complete readings, sample by sample."""
-    equations, result = from_readings(model), y.copy()
-    place = dict(zip(model.parameters, theta.tolist(), strict=True))
+    result = y.copy()
+    place = dict(zip(names, theta.tolist(), strict=True))
     signals: Mapping[str, Any] = {
         **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},
         **{f"y{i + 1}": result[:, i] for i in range(y.shape[1])},

@@ -13,7 +13,7 @@ from benchmarks.measuring.measure import Setting
 from benchmarks.measuring.registry import Selection
 from benchmarks.problems import block_structured, intervals
 from benchmarks.problems.families import REGISTRY
-from benchmarks.problems.intervals import PLANTS, Experiment, results_of
+from benchmarks.problems.intervals import Experiment, results_of
 from benchmarks.tables.report import report
 
 
@@ -97,9 +97,8 @@ def test_feedback_loops_stay_bounded() -> None:
 
 def test_ends_that_the_box_alone_proves_count() -> None:
     """Cones of denominators close this record; the engine proves nothing of its own."""
-    made = Experiment("oe", 1, 500, 1.0, 0)
-    truth, noise = made.record(), made.noise()
-    result = setid.identify(truth.data, PLANTS[1][0], noise)
+    known = Experiment("oe", 1, 500, 1.0, 0).task().known
+    result = setid.identify(known.data, known.model, known.noise)
     found = results_of(result)
     for place, interval in enumerate(result.intervals.values()):
         low, high = found[2 * place], found[2 * place + 1]

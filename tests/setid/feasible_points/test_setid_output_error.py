@@ -9,7 +9,7 @@ import pytest
 
 import setid
 from setid.feasible_points import output_error
-from setid.feasible_points.output_error import least_largest_error, output_error_fit
+from setid.feasible_points.fits.output_error import least_largest_error, output_error_fit
 from sparsepop_py.budget import Deadline, LimitReached
 
 TRUTH = [-0.7, 1.5]

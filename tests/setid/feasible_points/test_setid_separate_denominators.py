@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 import setid
-from setid.feasible_points.separate_denominators import (
+from setid.feasible_points.fits.separate_denominators import (
     SeparateOutput,
     has_separate_denominators,
     separate_fit,

@@ -9,6 +9,7 @@ of random stable ones. The points found are local minima, and starts for other n
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import reduce
 from itertools import pairwise
 from math import inf
@@ -20,13 +21,20 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from setid.data.record import IOData
-from setid.feasible_points.random_poles import random_denominator
+from setid.feasible_points.fits.random_poles import random_denominator
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 
-__all__ = ["SeparateOutput", "has_separate_denominators", "separate_fit"]
+__all__ = [
+    "OutputFit",
+    "SeparateOutput",
+    "fit_outputs",
+    "has_separate_denominators",
+    "separate_fit",
+]
 
 Reals = NDArray[np.float64]
+OutputFit = tuple[Reals, dict[str, float]]  # outputs, and the parameters that give them
 _SEED = 7
 _RANDOM, _STARTS = 100, 5  # denominators for each that is sought; those that are followed
 _STEPS = 100  # evaluations of a local search
@@ -61,18 +69,38 @@ def separate_fit(
     -------
     theta : (p,) float
     outputs : (N, ny) float
-        Of the model. Samples before the first that an equation tells of are the readings, or 0.
+        Of the model. Samples that it does not give are the readings, or 0.
     or None
         Where some output has too few readings.
     """
+
+    def fit(problem: SeparateOutput) -> OutputFit | None:
+        minima = problem.minima(until)
+        return problem.at(minima[0][1]) if minima else None
+
+    return fit_outputs(data, model, fit)
+
+
+def fit_outputs(
+    data: IOData, model: TransferFunction, fit: Callable[[SeparateOutput], OutputFit | None]
+) -> tuple[Reals, Reals] | None:
+    """Fit one output after the other; return what :func:`separate_fit` does.
+
+    Parameters
+    ----------
+    data : IOData
+    model : TransferFunction
+    fit : callable
+        Fits one output; None where it cannot.
+    """
     place = {name: k for k, name in enumerate(model.parameters)}
     theta, outputs = np.zeros(len(place)), np.where(np.isnan(data.y), 0.0, data.y)
-    for output in range(model.outputs):
-        problem = SeparateOutput(data, model, output)
-        minima = problem.minima(until)
-        if not minima:
+    for number in range(model.outputs):
+        output = SeparateOutput(data, model, number)
+        found = fit(output)
+        if found is None:
             return None
-        outputs[problem.told, output], values = problem.at(minima[0][1])
+        outputs[output.modelled, number], values = found
         for name, value in values.items():
             theta[place[name]] = value
     return theta, outputs
@@ -91,24 +119,26 @@ class SeparateOutput:
 
     Attributes
     ----------
+    number : int
+        That of the output.
     names : list of tuple of str
         Parameters of each denominator.
-    told : (N,) bool
-        Samples of which some equation tells.
+    modelled : (N,) bool
+        Samples that occur in equations, the first ones of a record among them.
     known : (N,) bool
         Those with a reading.
     """
 
     def __init__(self, data: IOData, model: TransferFunction, output: int) -> None:
-        self._u, self._model, self._output = data.u, model, output
+        self._u, self._model, self.number = data.u, model, output
         self.names = model.denominators(output)
         equation, order = model.multiplied()[output], sum(map(len, self.names))
         rest = model.initial == "zero"
         self._free = 0 if rest else order  # first samples of each record
         self._begin = 0 if rest else equation.lag - order
         self._records = list(pairwise([*data.starts.tolist(), data.samples]))
-        self.told = np.asarray(np.arange(data.samples) - data.first >= self._begin)
-        self.known = self.told & ~np.isnan(data.y[:, output])
+        self.modelled = np.asarray(np.arange(data.samples) - data.first >= self._begin)
+        self.known = self.modelled & ~np.isnan(data.y[:, output])
         self._y = data.y[self.known, output]
         self._constants = [t.parameters for t in equation.terms if not t.signals]
 
@@ -151,8 +181,8 @@ class SeparateOutput:
             return np.full(self._y.size, _HUGE)
         return np.asarray(columns @ _solved(columns, self._y) - self._y, np.float64)
 
-    def at(self, a: Reals, target: Reals | None = None) -> tuple[Reals, dict[str, float]]:
-        """Return outputs (told,) with the best of all else, and the parameters.
+    def at(self, a: Reals, target: Reals | None = None) -> OutputFit:
+        """Return outputs (modelled,) with the best of all else, and the parameters.
 
         Parameters
         ----------
@@ -165,12 +195,12 @@ class SeparateOutput:
         values = _solved(columns[self.known], self._y if target is None else target)
         names = [name for part in self.names for name in part] + self._linear()
         pairs = zip(names, [*a.tolist(), *values.tolist()], strict=False)
-        return np.asarray(columns[self.told] @ values, np.float64), dict(pairs)
+        return np.asarray(columns[self.modelled] @ values, np.float64), dict(pairs)
 
     def _linear(self) -> list[str]:
         """Names of the numerators' coefficients and of the offset."""
         model, inputs = self._model, range(1, self._model.inputs + 1)
-        found = [b for j in inputs for b in model.transfer(self._output + 1, j).numerator]
+        found = [b for j in inputs for b in model.transfer(self.number + 1, j).numerator]
         return [*found, *self._constants[0][-1:]] if self._constants else found
 
     def parts(self, a: Reals) -> list[Reals]:
@@ -196,17 +226,17 @@ class SeparateOutput:
         found = np.zeros((len(self._u), linear + n * len(self._records)))
         for number, (begin, end) in enumerate(self._records):
             place, later = slice(begin, end), slice(begin + self._begin, end)
-            found[place, :linear] = self._driven(self._u[place], monic, whole)
+            found[place, :linear] = self._of_inputs(self._u[place], monic, whole)
             start = linear + n * number
             impulses = np.eye(max(end - begin - self._begin, 0), n)
             found[later, start : start + n] = _filtered(whole, impulses)
         return found
 
-    def _driven(self, u: Reals, monic: dict[tuple[str, ...], Reals], whole: Reals) -> Reals:
+    def _of_inputs(self, u: Reals, monic: dict[tuple[str, ...], Reals], whole: Reals) -> Reals:
         """Filter delayed inputs and a constant, all zero before the record."""
         model, columns = self._model, list[Reals]()
         for j in range(model.inputs):
-            own = model.transfer(self._output + 1, j + 1)
+            own = model.transfer(self.number + 1, j + 1)
             output = _filtered(monic.get(own.denominator, np.ones(1)), u[:, j])
             for lag in range(own.delay, own.delay + len(own.numerator)):
                 columns.append(np.concatenate([np.zeros(lag), output])[: len(u)])

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares as gauss_newton
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
-from setid.feasible_points.separate_denominators import has_separate_denominators, separate_fit
+from setid.feasible_points.fits.separate_denominators import has_separate_denominators, separate_fit
 from setid.models.equations import Structure
 from setid.simulation.responses import from_readings, run
 from sparsepop_py.budget import check

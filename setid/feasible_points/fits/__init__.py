@@ -1,0 +1,1 @@
+"""Local fits of simulations to a record, from which searches begin."""
