@@ -99,7 +99,7 @@ class Consistency(NoiseScale):
         No parameters are consistent with a factor below ``scale[0]`` (proved), some are with
         ``scale[1]`` (attained; infinite where none was found).
     theta : (p,) float or None
-        Parameters that attain the upper end.
+        Parameters of ``formulation`` that attain the upper end.
     witness : (n,) float or None
         All unknowns of ``formulation`` there, noise included.
     formulation : Formulation
@@ -283,6 +283,8 @@ def consistency(
     small as the rounding of the readings is not resolved further. Long records of noisy outputs
     are bounded from below by cells of denominators, which need no box of the parameters.
     A discretisation error bound of a continuous-time model counts as output noise.
+    Of several denominators with an offset the rows have the offset of the equation in place of that
+    of the output, unless a prior speaks of it; ``formulation.model`` and ``assumptions`` say so.
 
     Examples
     --------

@@ -521,6 +521,15 @@ def test_rows_with_an_offset_of_the_equation_bound_the_others():
     assert sum("attained from" in line for line in lines) == len(found["parameters"])
 
 
+def test_what_the_rows_inside_take_as_given_is_said():
+    """A box without steps inside is no proof around it."""
+    found = loaded("two-poles-driven")
+    found["driven"]["box"]["steps"] = None
+    lines = Identification(found).check()
+    (said,) = (line for line in lines if line.startswith("taken as given"))
+    assert "LiftedBox" in said
+
+
 def driven_damage() -> dict:
     """What may not pass: each change of the file, by what it would believe."""
 

@@ -109,11 +109,21 @@ def test_results_are_valid(group):
         "narx",
         "simulated-free-0",
         "cones-second",
+        "two-poles-driven",
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("strong-o", "two-poles-o")),
     ],
 )
 def test_identifications_are_valid(name):
     assert valid(json.loads(written(name)), SCHEMA)
+
+
+@pytest.mark.parametrize("field", ["structure", "intervals", "ends"])
+def test_rows_inside_of_an_identification_are_looked_at(field):
+    found = json.loads(written("two-poles-driven"))
+    found["identification"]["driven"][field] = 1.0
+    assert not valid(found, SCHEMA)
+    del found["identification"]["driven"][field]
+    assert not valid(found, SCHEMA)
 
 
 @pytest.mark.parametrize("field", ["lower_bound", "status", "problem", "certificate"])

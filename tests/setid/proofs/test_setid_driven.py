@@ -15,6 +15,7 @@ from checker.records.record import Identification as Checked
 from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import formulate, without_partial_outputs
 from setid.proofs.driven import driven, within_driven
+from setid.proofs.evidence import Evidence
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import problem_on_box
 from setid.proofs.verification import verify
@@ -83,7 +84,7 @@ def test_files_keep_the_rows(result: setid.Identification) -> None:
     assert back.intervals["c"].outer == result.intervals["c"].outer
 
 
-def changed(result: setid.Identification, name: str, outer: tuple[float, float]) -> object:
+def changed(result: setid.Identification, name: str, outer: tuple[float, float]) -> Evidence:
     """The evidence with an interval of the rows changed, and what follows for the problem."""
     found = result.evidence
     assert found.driven is not None
@@ -99,11 +100,12 @@ def changed(result: setid.Identification, name: str, outer: tuple[float, float])
 
 
 def test_forged_rows_are_noticed(result: setid.Identification) -> None:
-    low, high = result.driven.intervals["b[1,1]1"].outer  # type: ignore[union-attr]
+    assert result.driven is not None
+    low, high = result.driven.intervals["b[1,1]1"].outer
     same = changed(result, "b[1,1]1", (low, high))
-    assert "b[1,1]1" not in verify(same).reason  # type: ignore[arg-type]
+    assert "b[1,1]1" not in verify(same).reason
     narrow = changed(result, "b[1,1]1", (low, 0.5 * (low + high)))
-    assert not verify(narrow)  # type: ignore[arg-type]
+    assert not verify(narrow)
     evidence = result.evidence
     assert not verify(replace(evidence, driven=None))
     assert not verify(replace(evidence, driven=replace(evidence.driven, driven=evidence.driven)))
