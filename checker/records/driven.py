@@ -63,7 +63,8 @@ def check_question(about: Any, inner: Any, offsets: list[str]) -> None:
     for kind, row in inner.asked:
         if any(name in offsets for word, _ in row for name in word):
             raise NotProved(f"driven: a row of kind {kind} that speaks of an offset")
-    for name, (low, high) in inner.slack.items():
-        known = about.slack.get(name, (-INF, INF))
+    given = about.bounds_of("slack")
+    for name, (low, high) in inner.bounds_of("slack").items():
+        known = given.get(name, (-INF, INF))
         if low > known[0] or high < known[1]:
             raise NotProved(f"driven: {name} is bounded more than is given")

@@ -63,7 +63,6 @@ class Identification:
         self.rounded = False  # whether rows of equation errors are rounded outwards
         self.empty = False  # whether no parameters explain the record
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
-        self.slack: dict[str, tuple[Any, Any]] = {}  # bounds of unknowns that priors bring
 
     def _number(self) -> None:
         """Which unknown is which parameter or sample."""
@@ -238,7 +237,6 @@ class Identification:
         known: tuple[Any, Any] | None = (-INF, INF)
         if group == "slack":
             known = (low, high)  # part of a prior, whose rows are taken as given
-            self.slack[self.labels[v]] = known
         elif group in GROUPS:
             size = self.record.bounds[GROUPS[group]][channel - 1][k]
             known = (-size, size)
@@ -353,16 +351,18 @@ class Identification:
 
     def _others_given(self) -> list[str]:
         """Bounds that a file gives of unknown samples, and of unknowns that priors bring."""
-        lines, problem = [], self.problem
-        for (group, channel, place), letter in self.record.letters.items():
-            if group not in ("y", "u", "slack"):
-                continue
-            pair = problem.lower[letter - 1], problem.upper[letter - 1]
-            low, high = (times(end, self.units[letter - 1]) for end in pair)
-            if (low, high) != (-INF, INF):
-                name = f"{group}{channel or ''}[{place + 1}]"
-                lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
-        return lines
+        found = self.bounds_of("y", "u", "slack")
+        return [f"given: {name} in [{shown(a)}, {shown(b)}]" for name, (a, b) in found.items()]
+
+    def bounds_of(self, *groups: str) -> dict[str, tuple[Any, Any]]:
+        """Bounds of the unknowns of some groups, in units of the record, where there are any."""
+        found = {}
+        for (group, _, _), letter in self.record.letters.items():
+            ends = self.problem.lower[letter - 1], self.problem.upper[letter - 1]
+            low, high = (times(end, self.units[letter - 1]) for end in ends)
+            if group in groups and (low, high) != (-INF, INF):
+                found[self.labels[letter - 1]] = low, high
+        return found
 
     def _interval(
         self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool

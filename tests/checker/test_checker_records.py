@@ -182,6 +182,8 @@ def test_bounds_of_other_unknowns_are_shown():
     about = Identification(certificate_files(found)["identification"])
     about.check_rows()
     assert sum(line.startswith("given: slack[") for line in about._asked()) >= 2
+    assert len(about.bounds_of("slack")) >= 2
+    assert {(-1, 1)} <= {*about.bounds_of("slack").values()}
 
 
 # ---- parameters that no row of the file speaks of -----------------------------------------------
@@ -588,6 +590,26 @@ def test_rows_with_an_offset_of_the_equation_are_nothing_else(name):
         Identification(found).check()
 
 
+@pytest.mark.parametrize(
+    ("factor", "kind", "same"),
+    [(2, "NONNEGATIVE", True), (-1, "NONNEGATIVE", False), (1, "ZERO", False)],
+)
+def test_given_rows_are_compared_up_to_a_positive_factor(factor, kind, same):
+    def asked(factor, kind):
+        found = loaded("two-poles-driven")
+        row = copy.deepcopy(found["problem"]["constraints"][-1]) | {"kind": kind}
+        words, values = row["polynomial"]["words"], row["polynomial"]["coefficients"]
+        words["data"], words["shape"] = [0, 1], [2, 1]
+        values["data"], values["shape"] = [3.0 * factor, 1.0 * factor], [2]
+        found["problem"]["constraints"].append(row)
+        found["rows"].append(None)
+        about = Identification(found)
+        about.check_rows()
+        return about.asked
+
+    assert (asked(factor, kind) == asked(1, "NONNEGATIVE")) is same
+
+
 def test_a_given_row_about_an_offset_is_not_one_about_the_other():
     """Both are called c; a row that is given of the output's is none of the equation's."""
     found = loaded("two-poles-driven")
@@ -656,5 +678,7 @@ def test_no_more_is_given_of_the_rows_inside(changes, why):
     fields = {"asked": {row}, "slack": {"slack[1]": (0, 3)}}
     about = SimpleNamespace(names=["a", "c"], given=[[-1, 0], [1, 5]], **fields)
     inner = SimpleNamespace(**({"given": [[-1, -INF], [1, INF]]} | fields | changes))
+    for one in (about, inner):
+        one.bounds_of = lambda group, one=one: getattr(one, group)
     with nullcontext() if why is None else pytest.raises(NotProved, match=why):
         check_question(about, inner, ["c"])
