@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.feasible_points import output_error
+from setid.feasible_points.fits import output_error
 from setid.feasible_points.fits.output_error import least_largest_error, output_error_fit
 from sparsepop_py.budget import Deadline, LimitReached
 

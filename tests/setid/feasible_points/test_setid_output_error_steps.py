@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.feasible_points import output_error
+from setid.feasible_points.fits import output_error
 
 
 def test_a_step_of_least_sums_takes_memory_in_proportion_to_the_samples() -> None:
