@@ -21,7 +21,16 @@ from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_reach
 from setid.proofs.time_bands.partition import Partition, Ranges
 
-__all__ = ["Effort", "Found", "attained_by", "branched", "force_of", "principal_frame", "surveyed"]
+__all__ = [
+    "Effort",
+    "Found",
+    "attained_by",
+    "branched",
+    "force_of",
+    "principal_frame",
+    "slopes_of",
+    "surveyed",
+]
 
 Reals = NDArray[np.float64]
 _FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
@@ -104,6 +113,17 @@ def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
         else:
             rest = lfilter([1.0], den, drive, zi=lfiltic([1.0], den, first[::-1]))[0]
     return np.concatenate([first, rest])
+
+
+def slopes_of(experiment: Experiment, cover: Cover, theta: Reals) -> Reals:
+    """Differentiate outputs with respect to the coordinates, at theta; (N, n), up to rounding."""
+    v = outputs_of(experiment, theta, force_of(experiment, cover))
+    regressors = experiment.row.residual(v, experiment.u, cover)[1]
+    den, begun = _denominator(experiment, theta), experiment.first.size
+    found = np.zeros(regressors.shape)
+    with np.errstate(all="ignore"):
+        found[begun:] = -lfilter([1.0 / den[0]], den / den[0], regressors[begun:], axis=0)
+    return found
 
 
 def attained_by(experiment: Experiment, theta: Reals, force: Reals) -> tuple[Reals, Reals]:

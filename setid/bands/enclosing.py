@@ -3,35 +3,35 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.branching import Effort, Found, attained_by, branched, force_of
+from setid.bands.branching import Effort, Found, attained_by, branched, force_of, slopes_of
 from setid.bands.verdicts import BandReport, Verdict, ratio_of
 from setid.data.checks import number
 from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.errors import SetidError
 from setid.feasible_points.members import members
+from setid.feasible_set.coordinates import Coordinates, coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.principal import principal_cover
-from setid.feasible_set.supports import cover_of
+from setid.feasible_set.narrowing import Narrowing, narrowing_of
 from setid.models.equations import Structure
-from setid.models.general import nonlinear_rows
-from setid.models.lti import TransferFunction
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.partition import Ranges
 from setid.proofs.time_bands.rows import OutputRow, output_row
 from setid.simulation.responses import known_from
 
-__all__ = ["Accuracy", "Band", "band_of", "record_bands", "rows_of"]
+__all__ = ["Accuracy", "Band", "View", "band_of", "record_bands", "view_of"]
 
 Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
+_FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
-_SHARE = 0.7  # of the time, for ranges along principal axes where the cover is not the set
+_BRIEF = 0.1  # of the time, for a band from which the next question follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,22 +76,46 @@ class Band:
     high: Reals
     report: BandReport
 
+    def narrowed(self, other: Band) -> Band:
+        """Take another band of the same output, and what is proved here too."""
+        ranges = other.ranges.met(self.ranges)
+        ratio = ratio_of((ranges.low, ranges.high), (other.low, other.high))
+        return replace(other, ranges=ranges, report=replace(other.report, ratio=ratio))
 
-def rows_of(model: Structure) -> list[OutputRow]:
-    """Write the equations of all outputs as lags.
+    def excess(self, tolerance: float) -> Reals:
+        """Find by how much it is wider than attained ones may be, in attained widths; (N,)."""
+        width, reached = self.ranges.high - self.ranges.low, self.high - self.low
+        scale = np.maximum(reached, _FLOOR * np.max(reached, initial=0.0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found = (width - reached) / scale - 2 * tolerance
+        return np.where(np.isnan(found), 0.0, found)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Rows of all outputs, and the coordinates in which these are affine.
+
+    Parameters
+    ----------
+    coordinates : Coordinates
+    rows : tuple of OutputRow
+        One an output.
+    """
+
+    coordinates: Coordinates
+    rows: tuple[OutputRow, ...]
+
+
+def view_of(model: Structure) -> View:
+    """Write the equations of all outputs as lags, in coordinates in which they are affine.
 
     Raises
     ------
     ModelError
-        If the structure is not linear with one denominator an output.
+        If the structure feeds back products of outputs, couples outputs or has internal signals.
     """
-    equations = model.regression()
-    if not equations:
-        other = ", or a common denominator" if isinstance(model, TransferFunction) else ""
-        raise ModelError(
-            f"model: {nonlinear_rows(model)} have no proved bands; use kind='sampled'{other}"
-        )
-    return [output_row(equation, model) for equation in equations]
+    found = coordinates_of(model)
+    return View(found, tuple(output_row(e, found.names) for e in found.equations))
 
 
 def record_bands(
@@ -121,13 +145,13 @@ def record_bands(
         If the structure does not allow it or the cover is not finite.
     """
     model = result.formulation.model
-    rows = rows_of(model)
-    first = 0 if from_rest else max(e.lag for e in model.regression())
+    view = view_of(model)
+    first = 0 if from_rest else max(e.lag for e in view.coordinates.equations)
     if np.any(np.isnan(record.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
     edges = [*record.starts.tolist(), record.samples]
     tasks = []
-    for i, row in enumerate(rows):
+    for i, row in enumerate(view.rows):
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             part, begun = slice(begin, end), slice(begin, min(begin + first, end))
             readings = record.y[begun, i]
@@ -139,38 +163,76 @@ def record_bands(
                 )
             start, errors = bounds[0][begun, i], bounds[2][part, i]
             tasks.append(Experiment(row, record.u[part], readings, start, bounds[1][part], errors))
-    bands = _all_bands(result, tasks, accuracy)
+    bands = _all_bands(result, view.coordinates, tasks, accuracy)
     pieces = len(edges) - 1
-    return [_joined(bands[i * pieces : (i + 1) * pieces]) for i in range(len(rows))]
+    return [_joined(bands[i * pieces : (i + 1) * pieces]) for i in range(len(view.rows))]
 
 
 def band_of(
-    result: FeasibleSet, experiment: Experiment, accuracy: Accuracy, settle: int | None = None
+    result: FeasibleSet,
+    coordinates: Coordinates,
+    experiment: Experiment,
+    accuracy: Accuracy,
+    settle: int | None = None,
 ) -> Band:
     """Bound one output for one record; ``settle`` as of :func:`branched`."""
-    return _all_bands(result, [experiment], accuracy, settle)[0]
+    return _all_bands(result, coordinates, [experiment], accuracy, settle)[0]
 
 
 def _all_bands(
-    result: FeasibleSet, tasks: list[Experiment], accuracy: Accuracy, settle: int | None = None
+    result: FeasibleSet,
+    coordinates: Coordinates,
+    tasks: list[Experiment],
+    accuracy: Accuracy,
+    settle: int | None = None,
 ) -> list[Band]:
-    begin, cover = time.monotonic(), cover_of(result)
+    begin, cover = time.monotonic(), coordinates.cover(result)
     if not np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)):
         raise SetidError(
             "result: found an infinite interval, expected finite ones for proved bands; "
             "give priors such as Box or Stable"
         )
-    known = result.attained
-    if not cover.exact:
-        cover, points = principal_cover(result, _SHARE * accuracy.time_limit)
-        known = np.concatenate([_members(result, accuracy.samples), points])
     until = begin + accuracy.time_limit
-    found = []
-    for place, task in enumerate(tasks):
+    if cover.exact:
+        known = coordinates.values(result.attained)
+        return [
+            _one(task, cover, known, Effort(accuracy.tolerance, share), settle)
+            for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
+        ]
+    asked, drawn = narrowing_of(result, coordinates), _members(result, accuracy.samples)
+    return [
+        _narrowed(task, asked, drawn, Effort(accuracy.tolerance, share), settle)
+        for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
+    ]
+
+
+def _shares(count: int, until: float) -> Iterator[float]:
+    """Tell when each of so many tasks should be over, one after the other."""
+    for left in range(count, 0, -1):
         now = time.monotonic()
-        share = now + max(until - now, 0.0) / (len(tasks) - place)
-        found.append(_one(task, cover, known, Effort(accuracy.tolerance, share), settle))
-    return found
+        yield now + max(until - now, 0.0) / left
+
+
+def _narrowed(
+    task: Experiment, asked: Narrowing, drawn: Reals, effort: Effort, settle: int | None
+) -> Band:
+    """The band of one record, on a cover that is narrowed where the band is widest."""
+
+    def band_until(until: float) -> Band:
+        known = asked.coordinates.values(np.concatenate([drawn, asked.points]))
+        return _one(task, asked.cover, known, replace(effort, until=until), settle)
+
+    begin = time.monotonic()
+    brief = _BRIEF * (effort.until - begin)
+    band = band_until(begin + brief)
+    if task.samples > 0 and len(drawn):
+        slopes = slopes_of(task, asked.cover, asked.coordinates.values(drawn.mean(axis=0)))
+        while asked.narrow(slopes, band.excess(effort.tolerance), effort.until - brief):
+            band = band.narrowed(band_until(time.monotonic() + brief))
+    if band.report.verdict != "tight":
+        band = band.narrowed(band_until(effort.until))
+    report = replace(band.report, seconds=time.monotonic() - begin)
+    return replace(band, report=report)
 
 
 def _members(result: FeasibleSet, samples: int) -> Reals:

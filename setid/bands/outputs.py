@@ -237,8 +237,8 @@ def simulate_band(
         The identification record when left out. Structures that start ``"free"`` take the
         first readings of each record as start values, within their noise.
     kind : {"proved", "sampled"}, optional
-        Proved where the structure is linear with one denominator an output and all
-        intervals are finite, otherwise sampled, when left out.
+        When left out, proved where outputs are fed back linearly, each to itself, and all
+        intervals are finite, otherwise sampled.
     noise : Noise, optional
         Of this record; that of the identification when left out.
     samples, seed : int

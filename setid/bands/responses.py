@@ -19,12 +19,13 @@ from setid.bands.verdicts import Kind
 from setid.data.checks import frozen, natural, number, real_array, word
 from setid.errors import SetidError
 from setid.feasible_points.members import draws_of, members, nominal
+from setid.feasible_set.coordinates import parameters_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.feasible_set.principal import principal_cover
+from setid.feasible_set.narrowing import narrowing_of
 from setid.feasible_set.supports import Proposer
 from setid.options import check_executor
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
-from setid.proofs.frequency.regions import frequency_regions, rounding_of
+from setid.proofs.frequency.regions import frequency_regions, response_slopes, rounding_of
 from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
 from sparsepop_py.executors.dispatch import map_in_order
@@ -38,7 +39,8 @@ __all__ = ["FrequencyBand", "frequency_band"]
 _FREQUENCIES = 32  # of one task
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-_SHARE = 0.7  # of the time, for ranges along principal axes
+_SHARE = 0.7  # of the time, for ranges of responses
+_TOLERANCE = 0.1  # share of the members' range that these may reach beyond it on each side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,7 +199,7 @@ def frequency_band(
     samples, seed : int
         Mixtures of attained members, for sampled bands.
     time_limit : float
-        Seconds for what is proved along principal axes, where the rows in theta say little, and
+        Seconds for ranges of responses, where the rows in theta say little, and for what is proved
         between the frequencies.
     executor : concurrent.futures.Executor, optional
         Bounds proved bands, 32 frequencies a task; what is proved is the same with any number
@@ -245,8 +247,8 @@ def frequency_band(
     check_executor(executor)
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
         until = time.monotonic() + number(time_limit, "time_limit", SetidError)
-        cover, _ = principal_cover(result, _SHARE * time_limit)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
+        cover = _narrowed(result, theta, weights, _SHARE * time_limit)
         rounding = rounding_of(model, output, input)
         found = _proved((cover, theta, weights, rounding), executor)
         if not continuous and np.all(np.isfinite([cover.lower, cover.upper])):
@@ -271,6 +273,20 @@ def frequency_band(
         data.Ts,
         (data.output_labels[output - 1], data.input_labels[input - 1]),
     )
+
+
+def _narrowed(
+    result: FeasibleSet, theta: Reals, weights: tuple[Complexes, Complexes], time_limit: float
+) -> Cover:
+    """Cover the set, narrowly where responses are wide beside those of members."""
+    until, asked = time.monotonic() + time_limit, narrowing_of(result, parameters_of(result))
+    cover = asked.cover
+    if cover.exact or not np.all(np.isfinite([cover.lower, cover.upper])):
+        return cover
+    functions = response_slopes(theta, weights)
+    while asked.narrow(functions, asked.excess(functions, _TOLERANCE), until):
+        pass
+    return asked.cover
 
 
 def _proved(

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.enclosing import Accuracy, band_of, rows_of
+from setid.bands.enclosing import Accuracy, band_of, view_of
 from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
+from setid.feasible_set.coordinates import Coordinates
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
 from setid.proofs.time_bands.enclosures import Experiment
-from setid.proofs.time_bands.rows import OutputRow
+from setid.proofs.time_bands.rows import OutputRow, transfer_row
 from setid.simulation.simulate import simulate
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -122,7 +124,7 @@ def step_band(
     length : int
         Number of samples.
     kind : {"proved", "sampled"}
-        Proved bands are available for linear structures with one denominator an output.
+        Proved bands are available where outputs are fed back linearly, each to itself.
     output, input : int
         Channels, from 1.
     samples, seed : int
@@ -199,20 +201,34 @@ _LONGEST = 3000  # samples of it
 
 def _plant(model: Structure, thetas: Reals) -> Reals:
     """Parameters (..., p) with the offsets of a linear structure put to 0."""
-    equations = model.regression()
-    constants = {
-        name
-        for equation in equations
-        for term in equation.terms
-        if not term.signals
-        for name in term.parameters
-    }
+    constants: set[str] = set()
+    if isinstance(model, TransferFunction):
+        constants = set(model.offsets())
+    elif _is_linear(model):
+        terms = [term for equation in model.regression() for term in equation.terms]
+        constants = {name for term in terms if not term.signals for name in term.parameters}
+    return np.where([name in constants for name in model.parameters], 0.0, thetas)
+
+
+def _is_linear(model: Structure) -> bool:
+    """Check that nothing but single inputs and constants drives the outputs."""
     try:
-        rows_of(model)
+        view = view_of(model)
     except ModelError:
-        return thetas
-    off = [name in constants for name in model.parameters]
-    return np.where(off, 0.0, thetas)
+        return False
+    inputs = [len(term.inputs) for row in view.rows for term in row.others]
+    return not view.coordinates.sums and max(inputs, default=0) <= 1
+
+
+def _view(model: Structure, output: int, input: int) -> tuple[Coordinates, OutputRow]:
+    """The row of one output where one input acts, and its coordinates."""
+    if isinstance(model, TransferFunction):  # with denominators of its own, that of the pair
+        names = model.parameters
+        row = transfer_row(model.transfer(output + 1, input + 1), input, names)
+        return Coordinates(names, ()), row
+    view = view_of(model)
+    row = view.rows[output]
+    return view.coordinates, row.without_constant() if _is_linear(model) else row
 
 
 def _proved_step(
@@ -225,16 +241,16 @@ def _proved_step(
     """Proved and attained band, the range after it, and the report."""
     length, output, input = place
     model = result.formulation.model
-    row = rows_of(model)[output].without_constant()
-    most = max([row.lag, *(lag for *_, lag in row.others)])
+    coordinates, row = _view(model, output, input)
+    most = max([row.lag, *(term.lag for term in row.others)])
     settle, count = None, max(length, most + 1)
     if all_time:
-        settle = _settling(row, theta)
+        settle = _settling(row, coordinates.values(theta))
         count = max(length, 2 * settle + 1) + 2 * (settle + most) + most + 2
     u, none = np.zeros((count, model.inputs)), np.zeros(0)
     u[:, input] = 1.0
     experiment = Experiment(row, u, none, none, np.zeros_like(u), np.zeros(count))
-    band = band_of(result, experiment, accuracy, settle)
+    band = band_of(result, coordinates, experiment, accuracy, settle)
     ranges, part = band.ranges, slice(0, length)
     ends = (-np.inf, np.inf)
     if all_time and np.all(np.isfinite(ranges.later)):

@@ -19,7 +19,7 @@ import sparsepop_py as sp
 from setid.data.checks import frozen, natural, word
 from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.feasible_set.principal import solved_heights
+from setid.feasible_set.narrowing import solved_heights
 from setid.feasible_set.supports import cover_of, supports
 from setid.proofs.supports import Cover
 from sparsepop_py.lp.scaled import solve_scaled

@@ -17,7 +17,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
-from setid.formulation.lifting import DRIVEN, LIFTED, Lifting, definitions, lift
+from setid.formulation.lifting import DRIVEN, LIFTED, Lifting, Sum, definitions, lift
 from setid.formulation.products import build_products
 from setid.formulation.regression import (
     Regression,
@@ -100,6 +100,7 @@ class Built(NamedTuple):
     smoothed: Regression | None
     products: ProductRows | None
     equations: tuple[Equation, ...]
+    sums: tuple[Sum, ...]
     dropped: int
     roundings: tuple[Rounding, ...]
 
@@ -154,6 +155,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
         smoothed(regression, data, model, bounds),
         build_products(data, model, signals, usable, bounds.equation),
         tuple(equations),
+        lifting.sums,
         sum(item.dropped for item in plans),
         roundings,
     )

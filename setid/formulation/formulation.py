@@ -20,7 +20,7 @@ from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidErr
 from setid.formulation.assembly import Rows, build, check_rows_of_priors
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
-from setid.formulation.lifting import DRIVEN, LIFTED
+from setid.formulation.lifting import DRIVEN, LIFTED, Sum
 from setid.formulation.printing import equation_text
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
@@ -69,6 +69,8 @@ class Formulation:
     products : ProductRows or None
         The same in products of parameters, for block structures whose internal signals can
         be eliminated.
+    sums : tuple of Sum
+        What the unknowns of the group ``"lifted"`` are, in turn.
     data, model, noise, priors
         What was given; a continuous-time model at the sampling interval of the data, and
         the noise with its discretisation error.
@@ -95,6 +97,7 @@ class Formulation:
     regression: Regression | None
     smoothed: Regression | None
     products: ProductRows | None
+    sums: tuple[Sum, ...]
     data: IOData
     model: Structure
     noise: Noise
@@ -324,6 +327,7 @@ def formulate(
         regression=built.regression,
         smoothed=built.smoothed,
         products=built.products,
+        sums=built.sums,
         data=data,
         model=model,
         noise=noise,

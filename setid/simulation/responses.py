@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
-from setid.models.equations import Equation, Structure, Transfer
+from setid.models.equations import Equation, Structure, Transfer, channel_of
+from setid.models.general import BlockStructured
 from setid.models.lti import TransferFunction
 from setid.simulation.simulate import leading, simulate, weight
 
@@ -183,7 +184,8 @@ def run(model: Structure, theta: ArrayLike, data: IOData) -> Reals:
 def from_readings(model: Structure) -> tuple[Equation, ...]:
     """List equations that continue a record from its first readings; none for systems at rest.
 
-    Denominators of their own are multiplied out.
+    Denominators of their own are multiplied out, and maps of inputs are inserted. Structures with
+    internal signals that nobody measures have none.
 
     Parameters
     ----------
@@ -198,7 +200,13 @@ def from_readings(model: Structure) -> tuple[Equation, ...]:
     """
     if model.initial == "zero":
         return ()
-    return model.multiplied() if isinstance(model, TransferFunction) else tuple(model.regression())
+    if isinstance(model, TransferFunction):
+        return model.multiplied()
+    if not isinstance(model, BlockStructured):
+        return tuple(model.regression())
+    found = model.direct()
+    measured = all(channel_of(signal) for equation in found for signal in equation.signals)
+    return found if measured else ()
 
 
 def begun(model: Structure, y: Reals) -> int:

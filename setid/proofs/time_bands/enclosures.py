@@ -28,7 +28,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.models.equations import channel_of
 from setid.proofs.supports import Cover, Multipliers, supports
 from setid.proofs.time_bands.rows import OutputRow
 
@@ -284,7 +283,8 @@ def enclosure(
     v = centre.outputs.copy()
     v[:begun] = experiment.first
     own, regressors, size = row.residual(v, experiment.u, cover)
-    unit = 4 * (count + 4 * regressors.shape[1] + 16) * _EPS
+    factors = max((len(term.inputs) for term in row.others), default=0)
+    unit = 4 * (count + 4 * regressors.shape[1] + factors + 16) * _EPS
     columns = np.column_stack([own, regressors])[begun:]
     first = -np.stack([np.convolve(h, column)[:count] for column in columns.T], axis=1)
     doubt = unit * _convolve_up(np.abs(h), size[begun:])
@@ -346,6 +346,7 @@ def noise_reach(experiment: Experiment, box: tuple[Reals, Reals], theta: Reals, 
         found += _start_reach(experiment, theta, h, away)
         for channel in range(experiment.u.shape[1]):
             found += _input_reach(experiment, channel, (theta, away, most), h)
+        found += _product_reach(experiment, most, h)
         found = found * (1.0 + 16 * _EPS) + _TINY
     return found
 
@@ -374,17 +375,35 @@ def _input_reach(
     (theta, away, most), count = ends, experiment.samples
     bound, begun = experiment.input_noise[:, channel], experiment.first.size
     middle, off, early = np.zeros(count), np.zeros(count), np.zeros(count)
-    terms = [t for t in experiment.row.others if channel_of(t[2] or "-") == ("u", channel)]
-    for column, coefficient, _, lag in terms:
+    terms = [t for t in experiment.row.others if [at for at, _ in t.inputs] == [channel]]
+    for column, coefficient, ((_, lag),) in terms:
+        value, spread, size = abs(coefficient), 0.0, abs(coefficient)
+        if column is not None:
+            value, spread = value * abs(theta[column]), size * away[column]
+            size = size * most[column]
         if lag < count:
-            middle[lag] += coefficient * theta[column]
-            size = abs(coefficient) * (away[column] + 8 * _EPS * abs(theta[column]))
-            off[lag] += size * (1.0 + 8 * _EPS)
+            middle[lag] += coefficient * (1.0 if column is None else theta[column])
+            off[lag] += (spread + 8 * _EPS * value) * (1.0 + 8 * _EPS)
         for k in range(min(lag, begun, count)):
-            early[k] += abs(coefficient) * most[column] * bound[begun + k - lag]
+            early[k] += size * bound[begun + k - lag]
     off += 4 * (len(terms) + 4) * _EPS * (np.abs(middle) + off)
     reach = _reach(h, middle, off, count)
     return _convolve_up(reach, bound[begun:]) + _convolve_up(np.abs(h), early * (1.0 + 1e-12))
+
+
+def _product_reach(experiment: Experiment, most: Reals, h: Reals) -> Reals:
+    """Reach of noise in products of inputs: abs(h) times what it may change each by."""
+    found = np.zeros(len(experiment.u))
+    larger = np.abs(experiment.u) + experiment.input_noise
+    for term in experiment.row.others:
+        if len(term.inputs) > 1:
+            size = abs(term.coefficient) * (1.0 if term.column is None else most[term.column])
+            with_noise, without = term.values(larger), np.abs(term.values(experiment.u))
+            change = with_noise - without + 8 * len(term.inputs) * _EPS * with_noise
+            noisy = np.any([experiment.input_noise[:, at] > 0 for at, _ in term.inputs])
+            found += size * change if noisy else 0.0
+    grow = 1.0 + 8 * (len(experiment.row.others) + 4) * _EPS
+    return _convolve_up(np.abs(h), found[experiment.first.size :] * grow)
 
 
 def _reach(h: Reals, middle: Reals, off: Reals, count: int) -> Reals:
@@ -457,7 +476,7 @@ def _later(
     """
     h, gain = centre.impulse, known.gain
     length = int(np.flatnonzero(h)[-1]) + 1 if np.any(h) else 1
-    lag = max(experiment.row.lag, *(lag for *_, lag in experiment.row.others), 1)
+    lag = max(experiment.row.lag, *(term.lag for term in experiment.row.others), 1)
     window = length + lag
     ends = np.column_stack([centre.outputs, experiment.u])[-2 * window - lag - 1 :]
     settled = len(ends) == 2 * window + lag + 1 and bool(np.all(ends == ends[-1]))

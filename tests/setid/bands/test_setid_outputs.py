@@ -226,3 +226,19 @@ def test_verdicts_on_parts_of_records_that_begin_at_rest_name_the_start() -> Non
     free = setid.TransferFunction(1, 1, 1)
     found = setid.identify(first, free, noise, (), setid.Options(progress=False))
     assert "falsified" not in setid.compare(found, rest).summary()
+
+
+@pytest.mark.parametrize("normalise", ["gamma1", "dcgain"])
+def test_simulations_of_hammerstein_structures_hold_the_truth(normalise: str) -> None:
+    """Rows are affine in the weights of the map times those of the numerator."""
+    model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, normalise=normalise)
+    gains = {"gamma1": [-0.6, 0.8, 0.4], "dcgain": [-0.6, 0.4, 2.0, 0.8]}[normalise]
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (30, 1)), setid.Noise(output=0.05)
+    truth = setid.simulate_record(model, gains, u, noise)
+    options = setid.Options(time_limit=10.0, progress=False)
+    found = setid.identify(truth.data, model, noise, setid.Stable(), options)
+    band = simulate_band(found, kind="proved", time_limit=3.0)
+    assert np.all((band.low <= truth.y + 1e-12) & (truth.y - 1e-12 <= band.high))
+    assert not len(band.outside) and band.reports[0].ratio < 2.0
+    again = run(found.formulation.model, gains, setid.IOData(u, truth.y))
+    assert again == pytest.approx(truth.y)  # from the first readings on

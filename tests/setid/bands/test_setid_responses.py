@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,17 +101,50 @@ def test_the_grid_ends_at_the_nyquist_frequency() -> None:
     assert grid(None, 0.1)[-1] == pytest.approx(10 * np.pi)
 
 
-def test_separate_denominators_have_sampled_steps_alone() -> None:
-    model = setid.TransferFunction(1, 1, nk=1, inputs=2)
-    theta = [-0.5, -0.2, 1.0, 0.5]
+def two_inputs(**more: Any) -> tuple[setid.Identification, np.ndarray, np.ndarray]:
+    """Two systems of order 1 on a box about the truth; with what their sum is without noise."""
+    model = setid.TransferFunction(1, 1, nk=1, inputs=2, **more)
+    theta = np.array([-0.5, -0.2, 1.0, 0.5, 0.7][: len(model.parameters)])
     u = np.random.default_rng(0).uniform(-1, 1, (20, 2))
     noise = setid.Noise(output=0.1)
     truth = setid.simulate_record(model, theta, u, noise)
-    box = [(t - 0.1, t + 0.1) for t in theta]
+    box = [(t - 0.05, t + 0.05) for t in theta.tolist()]
+    return identified(setid.formulate(truth.data, model, noise), box), theta, truth.y
+
+
+def test_steps_of_separate_denominators_are_those_of_one_input() -> None:
+    found, _, _ = two_inputs(offset=True)
+    band = step_band(found, 12, input=2, time_limit=3.0, all_time=True)
+    for a, b in ((-0.25, 0.45), (-0.15, 0.55), (-0.2, 0.5)):
+        true = b * (1 - (-a) ** np.arange(12)) / (1 + a)
+        assert np.all((band.low <= true + 1e-12) & (true - 1e-12 <= band.high))
+        assert band.later[0] <= b / (1 + a) <= band.later[1]
+    assert band.high[-1] - band.low[-1] < 1.3 * (0.55 / 0.75 - 0.45 / 0.85)
+    assert frequency_band(found, [0.5], input=2, time_limit=3.0).magnitude[0, 1] < np.inf
+
+
+@pytest.mark.parametrize("more", [{}, {"offset": True}, {"initial": "zero"}])
+def test_simulations_of_separate_denominators_hold_the_truth(more: dict[str, Any]) -> None:
+    found, _, true = two_inputs(**more)
+    band = setid.simulate_band(found, kind="proved", time_limit=3.0)
+    assert np.all((band.low <= true + 1e-12) & (true - 1e-12 <= band.high))
+    assert not len(band.outside) and np.max(band.high - band.low) < 2.0
+
+
+def test_steps_of_a_map_keep_its_constant() -> None:
+    """w = 0.2 + 2 u - 0.5 u^2 in front of b/(1 + a/q): the response to a step is not linear."""
+    linear = setid.TransferFunction(1, 1, nk=1)
+    model = setid.Hammerstein(linear, [0, 1, 2], normalise="b1")
+    theta = np.array([-0.5, 0.2, 2.0, -0.5])
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (20, 1)), setid.Noise(output=0.1)
+    truth = setid.simulate_record(model, theta, u, noise)
+    box = [(t - 0.01, t + 0.01) for t in theta.tolist()]
     found = identified(setid.formulate(truth.data, model, noise), box)
-    with pytest.raises(setid.ModelError, match="separate denominators"):
-        step_band(found, input=2)
-    assert frequency_band(found, [0.5], input=2).magnitude[0, 1] < np.inf
+    band = step_band(found, 12, time_limit=2.0)
+    true = setid.simulate(model, theta, np.ones((12, 1))).ravel()
+    assert true[-1] == pytest.approx(3.4, abs=0.01)
+    assert np.all((band.low <= true + 1e-12) & (true - 1e-12 <= band.high))
+    assert np.max(band.high - band.low) < 0.5
 
 
 def test_an_unbounded_interval_leaves_sampled_bands(result: setid.Identification) -> None:

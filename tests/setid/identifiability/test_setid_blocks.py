@@ -503,7 +503,9 @@ def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
     truth = simulated(name, 0.01, 15)
     options = setid.Options(time_limit=3.0, progress=False)
     result = setid.identify(truth.data, model, noise_of(truth), priors, options)
-    for asked in (setid.predict, setid.residuals, setid.step_band, setid.projection_estimate):
+    linear = (setid.predict, setid.residuals, setid.projection_estimate)
+    bands = (setid.step_band,) if name == "wiener" else ()  # sums of products make rows affine
+    for asked in (*linear, *bands):
         with pytest.raises(setid.SetidError, match=f"{what} have no") as caught:
             asked(result)
         assert "common" not in str(caught.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,12 +14,14 @@ import pytest
 import setid
 from setid.bands.branching import Effort, branched
 from setid.feasible_set.proposer import Proposer
+from setid.models.equations import Equation, Lagged, Term
 from setid.proofs.supports import Cover, Proposal
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, leak, noise_reach
 from setid.proofs.time_bands.partition import Partition, Ranges
-from setid.proofs.time_bands.rows import Affine, OutputRow, output_row
+from setid.proofs.time_bands.rows import Affine, Known, OutputRow, output_row, transfer_row
 
 Rational = list[Fraction]
+FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
 SECOND = setid.TransferFunction(na=2, nb=2, nk=1, offset=True)
 THETA = np.array([-1.2, 0.5, 1.0, 0.4, 0.3])
 
@@ -47,7 +50,7 @@ def experiment(
 ) -> Experiment:
     u = np.random.default_rng(3).uniform(-1, 1, (samples, 1))
     return Experiment(
-        output_row(model.regression()[0], model),
+        output_row(model.regression()[0], model.parameters),
         u,
         np.array(first),
         np.full(len(first), noise.get("start", 0.0)),
@@ -82,10 +85,11 @@ def replayed(
         for lag, factor in factors.items():
             if 0 < lag <= k:
                 total -= factor * y[k - lag]
-        for column, coefficient, signal, lag in task.row.others:
-            if lag <= k:
-                value = u[k - lag] if signal else Fraction(1)
-                total -= exact[column] * Fraction(coefficient) * value
+        for column, coefficient, inputs in task.row.others:
+            if all(lag <= k for _, lag in inputs):
+                value = math.prod((u[k - lag] for _, lag in inputs), start=Fraction(1))
+                factor = Fraction(1) if column is None else exact[column]
+                total -= factor * Fraction(coefficient) * value
         y.append(total / factors[0])
     return y
 
@@ -183,7 +187,7 @@ def test_coefficients_of_the_sample_itself_may_be_parameters(lead: float) -> Non
     weights = np.eye(3)
     row = OutputRow(
         {0: Affine(1.0, weights[0]), 1: Affine(-0.5, 2.0 * weights[1])},
-        [(2, -1.0, "u1", 0), (0, -1.0, "", 0)],
+        [Known(2, -1.0, ((0, 0),)), Known(0, -1.0, ())],
     )
     u = np.random.default_rng(2).uniform(-1, 1, (20, 1))
     task = Experiment(row, u, np.zeros(0), np.zeros(0), np.zeros((20, 1)), np.zeros(20))
@@ -192,6 +196,96 @@ def test_coefficients_of_the_sample_itself_may_be_parameters(lead: float) -> Non
     assert np.isfinite(ranges.low).all() and np.max(ranges.high - ranges.low) < 20.0
     for theta in members(cover):
         assert holds(ranges.low, ranges.high, replayed(task, theta))
+
+
+PRODUCTS = OutputRow(
+    {0: Affine(1.0, np.zeros(3)), 1: Affine(0.0, np.eye(3)[0])},
+    [
+        Known(1, -1.0, ((0, 1),)),
+        Known(2, -2.0, ((0, 1), (0, 1))),
+        Known(None, 0.3, ((0, 0), (0, 2))),
+        Known(None, -0.5, ((0, 3),)),
+    ],
+)
+PLANT = np.array([-0.7, 1.0, 0.4])
+
+
+@pytest.mark.parametrize("first", [(), (0.5,)])
+@pytest.mark.parametrize("push", [0.0, 0.1])
+def test_products_of_inputs_and_known_terms_are_covered(
+    first: tuple[float, ...], push: float
+) -> None:
+    """A map of the input in front of a pole, with noise in the input."""
+    task = replace(experiment(SECOND, 24, first, start=0.2, input=push), row=PRODUCTS)
+    cover = box(PLANT, 0.02)
+    ranges = bands(task, cover)
+    rng = np.random.default_rng(1)
+    for theta in members(cover, 30):
+        start, noise = rng.choice([-0.2, 0.2], len(first)), rng.choice([-push, push], 24)
+        assert holds(ranges.low, ranges.high, replayed(task, theta, start, noise))
+    u = task.u[:, 0]
+    for sign in (-push, push):  # the noise that moves the squares most
+        noise = sign * np.where(u < 0, -1.0, 1.0)
+        assert holds(ranges.low, ranges.high, replayed(task, PLANT, None, noise))
+
+
+def test_noise_of_products_costs_what_it_may_change() -> None:
+    """y = 3 u^2, abs(u) = 2 and noise of .5: from 3 1.5^2 to 3 2.5^2, bounded by 12 +- 6.75."""
+    row = OutputRow({0: Affine(1.0, np.zeros(1))}, [Known(0, -1.0, ((0, 0), (0, 0)))])
+    task = replace(experiment(FIRST, 6, input=0.5), row=row, u=np.full((6, 1), -2.0))
+    cover = box(np.full(1, 3.0), 0.0)
+    ranges = one_cell(task, cover)
+    assert ranges.high == pytest.approx(np.full(6, 18.75)) and np.all(ranges.high >= 18.75)
+    assert ranges.low == pytest.approx(np.full(6, 5.25))
+    still = one_cell(replace(task, input_noise=np.zeros((6, 1))), cover)
+    assert still.low == pytest.approx(still.high, abs=1e-11)
+
+
+def test_noise_of_an_input_without_a_parameter_is_covered() -> None:
+    """y = 2 u(k-1) with noise of .5, from rest."""
+    row = OutputRow({0: Affine(1.0, np.zeros(1))}, [Known(None, -2.0, ((0, 1),))])
+    task = replace(experiment(FIRST, 4, input=0.5), row=row, u=np.ones((4, 1)))
+    ranges = one_cell(task, box(np.ones(1), 0.0))
+    assert ranges.high == pytest.approx([0, 3, 3, 3]) and np.all(ranges.high[1:] >= 3)
+    assert ranges.low == pytest.approx([0, 1, 1, 1]) and np.all(ranges.low[1:] <= 1)
+
+
+def test_sizes_of_residuals_hold_all_terms() -> None:
+    """Their rounding is a share of it: abs(y) + .7 abs(y(k-1)) and each term of the inputs."""
+    u, y = np.array([[1.0], [2.0], [-3.0], [0.5]]), np.array([1.0, -1.0, 2.0, 4.0])
+    _, _, size = PRODUCTS.residual(y, u, box(PLANT, 0.0))
+    last = 4 + 0.7 * 2 + 1.0 * 3 + 2 * 0.4 * 9 + 0.3 * 0.5 * 2 + 0.5 * 1
+    assert size[3] == pytest.approx(last) and size[0] == 1.0
+    kept = PRODUCTS.others
+    assert (
+        OutputRow(PRODUCTS.feedback, [*kept, Known(1, 1.0, ())]).without_constant().others == kept
+    )
+
+
+def test_rows_with_other_products_are_refused() -> None:
+    own, other = (Term(1.0, (), (Lagged(f"y{i}"),)) for i in (1, 2))
+    past = (Lagged("y1", 1), Lagged("u1", 1))
+    cases = {
+        "found products,": Term(1.0, ("a", "b"), (Lagged("u1"),)),
+        "products with outputs": Term(1.0, ("a",), past),
+        "coupled outputs": Term(1.0, ("a",), other.signals),
+        "the signal z": Term(1.0, ("a",), (Lagged("z"),)),
+    }
+    for message, term in cases.items():
+        with pytest.raises(setid.ModelError, match=message):
+            output_row(Equation("y1", (own, term)), ("a", "b"))
+
+
+def test_rows_of_one_input_are_those_of_its_transfer_function() -> None:
+    model = setid.TransferFunction([[1, 2]], [[1, 2]], nk=1, inputs=2)
+    theta = np.array([-0.7, -1.2, 0.5, 0.5, 0.2, 0.3])
+    row = transfer_row(model.transfer(1, 2), 1, model.parameters)
+    u = np.random.default_rng(0).uniform(-1, 1, (12, 2))
+    none = np.zeros(0)
+    task = Experiment(row, u, none, none, np.zeros((12, 2)), np.zeros(12))
+    ranges = one_cell(task, box(theta, 0.0))
+    y = setid.simulate(model, theta, u * [0.0, 1.0]).ravel()
+    assert ranges.low == pytest.approx(y, abs=1e-9) and ranges.high == pytest.approx(y, abs=1e-9)
 
 
 def test_unstable_members_are_covered_for_a_finite_time() -> None:
@@ -223,7 +317,6 @@ def test_the_centre_may_be_a_corner_of_the_cell(corner: float) -> None:
         assert holds(ranges.low, ranges.high, replayed(task, point))
 
 
-FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
 SLOWEST = np.array([-0.7, 1.0])  # of the poles from .3 to .7
 
 
@@ -269,7 +362,8 @@ def test_long_sums_that_cancel_are_rounded_outwards() -> None:
     radius, angle = 0.9999, 2 * np.pi / 150
     known = {0: 1.0, 1: -2 * radius * np.cos(angle), 2: radius**2}
     row = OutputRow(
-        {lag: Affine(float(c), np.zeros(1)) for lag, c in known.items()}, [(0, -1.0, "u1", 0)]
+        {lag: Affine(float(c), np.zeros(1)) for lag, c in known.items()},
+        [Known(0, -1.0, ((0, 0),))],
     )
     for start in ((1e3, 1.1e3), (7.7, 8.1), (1.0 / 3.0, 0.2)):
         task = experiment(SECOND, 600, start)

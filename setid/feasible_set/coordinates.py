@@ -1,0 +1,155 @@
+"""Coordinates in which the equations of all outputs are affine: parameters, and sums of products.
+
+One equation an output, in measured signals, has products of parameters where denominators are
+multiplied out or static maps are inserted. With these sums as further coordinates it is affine
+(:mod:`setid.formulation.lifting`), and bands and predictions are those of a linear regression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.errors import ModelError
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of
+from setid.formulation.formulation import formulate
+from setid.formulation.lifting import LIFTED, Sum, lift
+from setid.models.equations import Equation, Structure
+from setid.models.general import BlockStructured, nonlinear_rows
+from setid.models.lti import TransferFunction
+from setid.proofs.supports import Cover
+from setid.proofs.time_bands.sums import with_sums
+
+__all__ = ["Coordinates", "asked_of", "coordinates_of", "parameters_of"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """Names and equations in coordinates in which these are affine.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the parameters, then of the sums.
+    equations : tuple of Equation
+        One an output.
+    sums : tuple of Sum
+        What each of the last coordinates is, in those before it.
+    """
+
+    names: tuple[str, ...]
+    equations: tuple[Equation, ...]
+    sums: tuple[Sum, ...] = ()
+
+    def values(self, thetas: Reals) -> Reals:
+        """Evaluate all coordinates for parameter vectors (..., p), up to rounding; (..., n)."""
+        p = len(self.names) - len(self.sums)
+        place = {name: column for column, name in enumerate(self.names)}
+        found = np.concatenate([thetas, np.zeros((*thetas.shape[:-1], len(self.sums)))], axis=-1)
+        for column, own in enumerate(self.sums, p):
+            for coefficient, word in own:
+                factors = found[..., [place[name] for name in word]]
+                found[..., column] += coefficient * factors.prod(axis=-1)
+        return found
+
+    def cover(self, result: FeasibleSet) -> Cover:
+        """Cover a feasible set in these coordinates; infinite intervals have no sums."""
+        cover = cover_of(result)
+        if not self.sums or not np.all(np.isfinite([cover.lower, cover.upper])):
+            return cover
+        names = self.names[len(self.names) - len(self.sums) :]
+        return with_sums(cover, names, self.sums)
+
+
+def coordinates_of(model: Structure) -> Coordinates:
+    """State the equations of all outputs in coordinates in which they are affine.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Raises
+    ------
+    ModelError
+        If internal signals cannot be eliminated.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1, inputs=2)
+    >>> coordinates_of(model).names[4:]
+    ('lifted[1]', 'lifted[2]', 'lifted[3]', 'lifted[4]')
+    """
+    equations: Sequence[Equation] = model.regression()
+    if not equations and isinstance(model, TransferFunction):
+        equations = model.multiplied()
+    elif not equations and isinstance(model, BlockStructured):
+        equations = model.direct()
+    if not equations:
+        raise ModelError(f"model: {nonlinear_rows(model)} have no proved bands; use kind='sampled'")
+    lifting = lift(equations)
+    return Coordinates((*model.parameters, *lifting.names), lifting.equations, lifting.sums)
+
+
+def parameters_of(result: FeasibleSet) -> Coordinates:
+    """Take the parameters themselves as coordinates."""
+    return Coordinates(result.formulation.parameters, ())
+
+
+def asked_of(
+    result: FeasibleSet, coordinates: Coordinates
+) -> tuple[FeasibleSet, tuple[sp.Polynomial, ...]]:
+    """State coordinates as unknowns of a problem that the engine can be asked about.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    coordinates : Coordinates
+
+    Returns
+    -------
+    result : FeasibleSet
+        The given one, or the same set with sums as unknowns of its problem.
+    unknowns : tuple of Polynomial
+        One a coordinate, in turn; the parameters alone where the problem has no such sums.
+    """
+    if coordinates.sums:
+        result = _with_unknown_sums(result, coordinates)
+    layout = result.formulation.layout
+    numbers = layout.group("theta").tolist()
+    if result.formulation.sums == coordinates.sums:
+        numbers += layout.group(LIFTED).tolist()
+    return result, tuple(layout.polynomial(number) for number in numbers)
+
+
+@lru_cache(maxsize=4)
+def _with_unknown_sums(result: FeasibleSet, coordinates: Coordinates) -> FeasibleSet:
+    """The same set on a problem with these sums, where its structure can be stated so."""
+    formulation = result.formulation
+    model = formulation.model
+    if formulation.sums == coordinates.sums:
+        return result
+    changed: Structure
+    if isinstance(model, TransferFunction) and model.form in ("auto", "partial"):
+        changed = replace(model, form=LIFTED)
+    elif isinstance(model, BlockStructured):
+        changed = model.changed(form=LIFTED)
+    else:
+        return result
+    found = formulate(formulation.data, changed, formulation.noise, formulation.priors)
+    if found.sums != coordinates.sums:
+        return result
+    lower, upper = found.problem.lower.copy(), found.problem.upper.copy()
+    p = len(found.parameters)
+    lower[:p], upper[:p] = result.outer_box
+    rows, names = found.problem.constraints, found.layout.names
+    problem = sp.Problem(found.problem.objective, rows, lower, upper, names)
+    return FeasibleSet(found, result.intervals, problem, result.options)

@@ -1,0 +1,149 @@
+"""Covers that are narrowed by proved ranges of chosen functions, in parameters and in sums."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from identified_cases import identified, second_order
+
+import setid
+import sparsepop_py as sp
+from setid.feasible_points.members import members
+from setid.feasible_set import narrowing
+from setid.feasible_set.coordinates import Coordinates, coordinates_of, parameters_of
+from setid.feasible_set.narrowing import Narrowing, narrowing_of, solved_heights
+from setid.feasible_set.supports import cover_of
+
+TRUTH = np.array([-1.5, 0.7, 0.5, 0.25])
+AXES = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, -1.0, 0.0, 0.0]])
+TWO = np.array([-0.7, -0.4, 0.5, 0.3])
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    """Output noise of 5 % of the static gain, 30 samples."""
+    model, noise = setid.TransferFunction(na=2, nb=2, nk=1), setid.Noise(output=0.05)
+    u = np.repeat(np.sign(np.random.default_rng(0).standard_normal(10)), 3)
+    truth = setid.simulate_record(model, TRUTH, u, noise, 1)
+    return setid.identify(truth.data, model, noise, options=setid.Options(time_limit=20.0))
+
+
+def two_inputs(form: Any = "auto") -> setid.Identification:
+    """A sum of two systems of order 1, on a box about the truth."""
+    model = setid.TransferFunction(1, 1, nk=1, inputs=2, form=form)
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (30, 2)), setid.Noise(output=0.02)
+    truth = setid.simulate_record(model, TWO, u, noise)
+    ends = [(t - 0.02, t + 0.02) for t in TWO.tolist()]
+    return on_its_box(identified(setid.formulate(truth.data, model, noise), ends))
+
+
+def on_its_box(found: setid.Identification) -> setid.Identification:
+    """State the problem on the box of the intervals, as results do."""
+    p, problem = len(found.intervals), found.problem
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    lower[:p], upper[:p] = found.outer_box
+    rows = problem.constraints
+    return replace(found, problem=sp.Problem(problem.objective, rows, lower, upper))
+
+
+def fresh(result: setid.FeasibleSet, coordinates: Coordinates | None = None) -> Narrowing:
+    coordinates = coordinates or parameters_of(result)
+    none = np.zeros((0, len(result.formulation.parameters)))
+    return Narrowing(result, coordinates, coordinates.cover(result), none)
+
+
+def test_narrowed_covers_hold_the_truth_and_all_members(result: setid.Identification) -> None:
+    asked, plain = fresh(result), len(cover_of(result).right)
+    wide = asked.excess(AXES, 0.1)
+    assert asked.narrow(AXES, np.ones(3), time.monotonic() + 60.0)
+    cover = asked.cover
+    assert len(cover.right) == plain + 6 and np.all(asked.excess(AXES, 0.1) <= wide)
+    assert asked.excess(AXES, 0.1)[0] < 0.5 * wide[0]
+    assert np.all(cover.matrix @ TRUTH <= cover.right)
+    known = np.concatenate([members(result, 20), asked.points])
+    slack = 1e-9 * (np.abs(known) @ np.abs(cover.matrix.T) + np.abs(cover.right))
+    assert np.all(known @ cover.matrix.T <= cover.right + slack)
+
+
+def test_functions_are_asked_again_more_closely_and_then_no_more(
+    result: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gaps = list[float]()
+
+    def loose(result: Any, directions: Any, options: sp.Options, coordinates: Any) -> Any:
+        gaps.append(options.gap)
+        return np.full(len(directions), np.inf), np.zeros((0, 4))
+
+    monkeypatch.setattr(narrowing, "solved_heights", loose)
+    asked, later = fresh(result), time.monotonic() + 60.0
+    while asked.narrow(AXES[:1], np.ones(1), later):
+        pass
+    assert gaps == [0.5, 0.125, 0.03125]
+    assert not asked.narrow(AXES, np.array([1.0, -1.0, 0.0]), later)  # the others are narrow
+    assert not asked.narrow(AXES, np.ones(3), time.monotonic() - 1.0)  # no time is left
+    assert asked.narrow(AXES, np.ones(3), later) and gaps[-1] == 0.5
+    assert not asked.narrow(0.0 * AXES, np.ones(3), later)
+
+
+def test_functions_that_are_chosen_together_differ() -> None:
+    """Of two that are nearly the same one is asked about, and the third one instead."""
+    functions = np.array([[1.0, 0.0], [1.0, 1e-9], [0.0, 1.0]])
+    asked = fresh(second_order(samples=40))
+    asked.cover = replace(asked.cover, lower=np.zeros(2), upper=np.ones(2))
+    assert asked._chosen(functions, np.array([3.0, 2.9, 0.1])) == [0, 2]
+
+
+def test_what_was_asked_is_kept_for_the_next_question(result: setid.Identification) -> None:
+    asked = narrowing_of(result, parameters_of(result))
+    asked.narrow(AXES, np.ones(3), time.monotonic() + 60.0)
+    rows = len(asked.cover.right)
+    assert len(narrowing_of(result, parameters_of(result)).cover.right) == rows
+
+
+def test_bands_of_output_errors_are_narrow(result: setid.Identification) -> None:
+    band = setid.step_band(result, 40)
+    assert band.report is not None and band.report.ratio < 1.5
+    true = setid.simulate(result.formulation.model, TRUTH, np.ones(40)).ravel()
+    assert np.all((true >= band.low) & (true <= band.high))
+
+
+def test_a_set_that_is_proved_empty_meanwhile_is_named() -> None:
+    """The box excludes the truth, and the result does not know that."""
+    model, noise = setid.TransferFunction(1, 1, nk=1), setid.Noise(output=0.01)
+    truth = setid.simulate_record(model, [-0.5, 1.0], np.cos(np.arange(20.0)), noise)
+    formulation = setid.formulate(truth.data, model, noise)
+    found = on_its_box(identified(formulation, [(0.3, 0.4), (0.9, 1.1)]))
+    with pytest.raises(setid.SetidError, match="identify the record again"):
+        solved_heights(found, np.eye(2), sp.Options(time_limit=10.0))
+
+
+# ---- sums -------------------------------------------------------------------------------
+
+
+def test_coordinates_are_those_of_the_equations() -> None:
+    """(1 + a)(1 + a') y = (1 + a') b u + (1 + a) b' u': sums a + a', a a', a' b, a b'."""
+    coordinates = coordinates_of(two_inputs().formulation.model)
+    a, c, b, d = TWO
+    assert coordinates.values(TWO)[4:] == pytest.approx([a + c, a * c, c * b, a * d])
+    assert coordinates.values(np.stack([TWO, 2 * TWO]))[1, 5] == pytest.approx(4 * a * c)
+    assert coordinates_of(setid.TransferFunction(1, 1)).sums == ()
+
+
+@pytest.mark.parametrize("form", ["auto", "partial", "lifted", "multiplied"])
+def test_heights_of_sums_hold_whatever_the_form(form: Any) -> None:
+    """Of the form "multiplied", sums are no unknowns, and nothing is proved of them."""
+    found = two_inputs(form)
+    coordinates = coordinates_of(found.formulation.model)
+    directions = np.concatenate([np.eye(8)[[0, 5]], -np.eye(8)[[0, 5]]])
+    options = replace(found.options.for_engine(), gap=0.3, gap_kind="width", time_limit=20.0)
+    heights, points = solved_heights(found, directions, options, coordinates)
+    assert points.shape[1] == 4
+    known = np.isfinite(heights)
+    assert known.tolist() == [True, form != "multiplied"] * 2
+    assert np.all((directions @ coordinates.values(TWO) <= heights)[known])
+    if form != "multiplied":
+        assert heights[1] + heights[3] < np.ptp([0.72 * 0.42, 0.68 * 0.38])
