@@ -16,6 +16,7 @@ from setid.bounding.ends import intervals_of
 from setid.bounding.long_records import equations, is_long
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import Repair, first_point
+from setid.feasible_points.sums import ends_with_sums
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.lifting import LIFTED
@@ -37,11 +38,13 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 from setid.result.progress import Progress
+from sparsepop_py.budget import Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["by_engine", "without_box"]
 
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_FITS = 0.25  # of the time left, for ends of long records by simulations
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
@@ -157,13 +160,14 @@ def _solve(
     if known:
         start, points = known[0].x * scaled.units, list(known)
     else:
-        find = partial(_start, formulation, problem, scaled)
-        start, points = context.kept("start", find, (None, []))
+        fits = context.deadline.part(_FITS)
+        find = partial(_start, formulation, problem, scaled, fits)
+        start, points, at_ends = context.kept("start", find, (None, [], False))
     engine = settings.for_engine(until=context.deadline.wall_end)
     if context.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=context.deadline.cpu_left)
-    attained = (known and at_ends) or coupled(formulation) or equations(formulation) > _LONG
-    engine = replace(engine, refine="none") if points and attained else engine
+    at_ends = at_ends or coupled(formulation) or equations(formulation) > _LONG
+    engine = replace(engine, refine="none") if points and at_ends else engine
     try:
         found = sp.solve_each(
             scaled.problem,
@@ -192,26 +196,29 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
 
 
 def _start(
-    formulation: Formulation, problem: sp.Problem, scaled: InUnits
-) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
-    """Find a consistent vector, and proved points where the engine would find none.
+    formulation: Formulation, problem: sp.Problem, scaled: InUnits, deadline: Deadline
+) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint], bool]:
+    """Find a consistent vector, proved points where the engine would find none, and their place.
 
-    Those are ends where rows couple samples, and any point of a long record, whose equations are
-    solved one after the other for their newest samples.
+    Those are ends where rows couple samples or long records have sums of products, and any point
+    of another long record, whose equations are solved one after the other for their newest samples.
     """
     start = first_point(formulation, problem)
     if start is None:
-        return None, []
-    found = [start]
+        return None, [], False
+    long, found = is_long(formulation), list[NDArray[np.float64]]()
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
-    elif _many_sums(formulation):
+    elif long:
+        found = ends_with_sums(formulation, problem, start, deadline)
+    at_ends = long and bool(found)
+    if not found and _many_sums(formulation) and not coupled(formulation):
         found = _ends_without_sums(formulation, problem, start)
-    elif not is_long(formulation):
-        return start, []
+    if not found and long:
+        found = [start]
     known = solved_rows(formulation, scaled.problem)
     again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
-    return start, [point for point in again if point is not None]
+    return start, [point for point in again if point is not None], at_ends
 
 
 def _many_sums(formulation: Formulation) -> bool:

@@ -167,23 +167,27 @@ def _fitted(fitting: Fitting, theta: Reals, deadline: Deadline) -> tuple[Reals, 
     return theta, level
 
 
-def reached_ends(fitting: Fitting, inside: Reals, deadline: Deadline) -> list[Reals]:
-    """Search consistent parameters at the ends of each parameter, as far as found.
+def reached_ends(
+    fitting: Fitting, inside: Reals, deadline: Deadline, count: int | None = None
+) -> list[Reals]:
+    """Search consistent parameters at the ends of each unknown, as far as found.
 
     Parameters
     ----------
     fitting : Fitting
-    inside : (p,) float
+    inside : (d,) float
         Consistent, with some room.
     deadline : Deadline
+    count : int, optional
+        How many unknowns, the first ones; all when left out.
 
     Returns
     -------
-    list of (p,) float
-        The least and the largest of each parameter in turn, and ``inside`` where none is found.
+    list of (d,) float
+        The least and the largest of each unknown in turn, and ``inside`` where none is found.
     """
     found = []
-    for place in range(inside.size):
+    for place in range(inside.size if count is None else count):
         for sign in (1.0, -1.0):
             goal = sign * np.eye(inside.size)[place]
             found.append(_end(fitting, inside, goal, deadline))

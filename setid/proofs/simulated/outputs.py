@@ -16,7 +16,7 @@ from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
-__all__ = ["Past", "Recursion", "half_spaces", "recursion_of"]
+__all__ = ["Past", "Recursion", "half_spaces", "recursion_from", "recursion_of"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
@@ -183,11 +183,28 @@ def recursion_of(formulation: Formulation, first: object = None) -> Recursion | 
     first : object, optional
         A :class:`CellBox` bounds first samples of an internal signal; others say nothing of them.
     """
-    model, data = formulation.model, formulation.data
+    model = formulation.model
     cells = first if isinstance(first, CellBox) else None
-    if data.records != 1 or (model.initial == "free" and not _complete(formulation)):
-        return None
     if model.initial == "free" and isinstance(model, BlockStructured) and cells is None:
+        return None
+    equations = model.equations(tuple(f"y{i + 1}" for i in range(model.outputs)))
+    return recursion_from(formulation, equations, cells)
+
+
+def recursion_from(
+    formulation: Formulation, given: Sequence[Equation], cells: CellBox | None = None
+) -> Recursion | None:
+    """State equations as a recursion; None as for :func:`recursion_of`.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    given : sequence of Equation
+        Of all outputs, and of internal signals before they are used.
+    cells : CellBox, optional
+    """
+    model, data = formulation.model, formulation.data
+    if data.records != 1 or (model.initial == "free" and not _complete(formulation)):
         return None
     _, xi, e = formulation.noise.bounds(data)
     if np.any(xi > 0) or np.any(e > 0) or np.any(np.isnan(data.u)):
@@ -197,7 +214,7 @@ def recursion_of(formulation: Formulation, first: object = None) -> Recursion | 
     if isinstance(model, BlockStructured):
         known |= model.driven(data.u)
     ordered, equations = set(known), []
-    for equation in model.equations(outputs):
+    for equation in given:
         if not _solvable(equation, ordered):
             return None
         equations.append(equation)

@@ -20,6 +20,7 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
+from sparsepop_py.budget import Deadline
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
 THETA = [-0.6, 0.8, 0.3]
@@ -189,8 +190,9 @@ def test_ends_of_problems_with_many_sums_are_found_without_them():
     data = setid.simulate_record(model, theta, u, noise, rng).data
     formulation = setid.formulate(data, model, noise)
     problem = problem_on_box(formulation, find_box(formulation))
-    start, points = engine._start(formulation, problem, in_units(problem, formulation))
-    assert start is not None and len(points) >= 10
+    scaled, later = in_units(problem, formulation), Deadline(None)
+    start, points, at_ends = engine._start(formulation, problem, scaled, later)
+    assert start is not None and len(points) >= 10 and not at_ends
     about = in_units(problem, formulation)
     for point in points:
         assert about.problem.violation(point.x) < 1e-9
