@@ -90,8 +90,9 @@ class Found:
 
 
 def force_of(experiment: Experiment, cover: Cover) -> Reals:
-    """Compute regressors (N, p) of the known signals: the residual of the output 0."""
-    return experiment.row.residual(np.zeros(len(experiment.u)), experiment.u, cover)[1]
+    """Compute what drives the output, own and regressors (N, 1 + p): the residual of zeros."""
+    own, regressors, _ = experiment.row.residual(np.zeros(len(experiment.u)), experiment.u, cover)
+    return np.column_stack([own, regressors])
 
 
 def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
@@ -101,11 +102,11 @@ def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
     ----------
     experiment : Experiment
     theta : (p,) float
-    force : (N, p) float
+    force : (N, 1 + p) float
         See :func:`force_of`.
     """
     den, first = _denominator(experiment, theta), experiment.first
-    drive = -(force @ theta)[first.size :] / den[0]
+    drive = -(force[:, 0] + force[:, 1:] @ theta)[first.size :] / den[0]
     den = den / den[0]
     with np.errstate(all="ignore"):
         if not first.size or den.size == 1:

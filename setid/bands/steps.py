@@ -216,8 +216,10 @@ def _is_linear(model: Structure) -> bool:
         view = view_of(model)
     except ModelError:
         return False
-    inputs = [len(term.inputs) for row in view.rows for term in row.others]
-    return not view.coordinates.sums and max(inputs, default=0) <= 1
+    terms = [term for row in view.rows for term in row.others]
+    fixed = any(not term.inputs and term.column is None for term in terms)  # part of a map
+    inputs = max((len(term.inputs) for term in terms), default=0)
+    return not view.coordinates.sums and not fixed and inputs <= 1
 
 
 def _view(model: Structure, output: int, input: int) -> tuple[Coordinates, OutputRow]:

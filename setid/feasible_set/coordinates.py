@@ -79,7 +79,8 @@ def coordinates_of(model: Structure) -> Coordinates:
     Raises
     ------
     ModelError
-        If internal signals cannot be eliminated.
+        If internal signals cannot be eliminated, or multiplied denominators would forget what the
+        first samples say.
 
     Examples
     --------
@@ -90,6 +91,11 @@ def coordinates_of(model: Structure) -> Coordinates:
     """
     equations: Sequence[Equation] = model.regression()
     if not equations and isinstance(model, TransferFunction):
+        if model.offset and model.initial == "zero":
+            raise ModelError(
+                "model: outputs that begin at an offset do not begin at rest, and have no proved "
+                "bands where denominators are separate; use initial='free' or kind='sampled'"
+            )
         equations = model.multiplied()
     elif not equations and isinstance(model, BlockStructured):
         equations = model.direct()
@@ -138,7 +144,7 @@ def _with_unknown_sums(result: FeasibleSet, coordinates: Coordinates) -> Feasibl
     if formulation.sums == coordinates.sums:
         return result
     changed: Structure
-    if isinstance(model, TransferFunction) and model.form in ("auto", "partial"):
+    if isinstance(model, TransferFunction):
         changed = replace(model, form=LIFTED)
     elif isinstance(model, BlockStructured):
         changed = model.changed(form=LIFTED)

@@ -32,6 +32,7 @@ __all__ = ["Narrowing", "narrowing_of", "solved_heights"]
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
 _FIRST, _LAST, _FALL = 0.5, 0.01, 4.0  # gaps in widths: the first one, the last, and its fall
+_MOST = 1e300  # an excess that is infinite counts as this
 _AT_ONCE = 3  # functions that the engine is asked about together
 
 
@@ -157,7 +158,6 @@ class Narrowing:
             return False
         keys = [functions[place].tobytes() for place in chosen]
         gap = min(self.gaps.get(key, _FIRST) for key in keys)
-        self.gaps |= dict.fromkeys(keys, gap / _FALL)
         directions = np.concatenate([functions[chosen], -functions[chosen]])
         left = max(until - time.monotonic(), 0.0)
         engine = self.result.options.for_engine()
@@ -168,14 +168,17 @@ class Narrowing:
         right = np.concatenate([self.cover.right, heights[proved]])
         self.cover = replace(self.cover, matrix=frozen(matrix), right=frozen(right))
         self.points = np.concatenate([self.points, points])
+        if time.monotonic() < until:  # else the gap may not have been reached
+            self.gaps |= dict.fromkeys(keys, gap / _FALL)
         return True
 
     def _chosen(self, functions: Reals, excess: Reals) -> list[int]:
         """Places of the widest functions, each as little as possible like those before it."""
         shapes = functions * (self.cover.upper - self.cover.lower)
         size = np.linalg.norm(shapes, axis=1)
-        usable = (size > 0) & np.isfinite(size)
-        left = np.where(usable, excess, 0.0)
+        known = len(asked_of(self.result, self.coordinates)[1])
+        usable = (size > 0) & np.isfinite(size) & ~np.any(functions[:, known:], axis=1)
+        left = np.where(usable, np.minimum(excess, _MOST), 0.0)
         for place in np.flatnonzero(left > 0).tolist():
             if self.gaps.get(functions[place].tobytes(), _FIRST) < _LAST:
                 left[place] = 0.0

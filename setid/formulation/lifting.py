@@ -44,7 +44,7 @@ class Lifting:
     equations : tuple of Equation
         In the parameters and in ``lifted[1]``, ``lifted[2]``, ...
     sums : tuple
-        For each of them coefficients and one or two names, of parameters or of those before it.
+        For each of them coefficients and two names at most, of parameters or of those before it.
     """
 
     equations: tuple[Equation, ...]

@@ -37,14 +37,15 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
     Raises
     ------
     ModelError
-        If the structure is not linear, or a coefficient of the numerator is no parameter.
+        If the structure is not linear, or a coefficient is no parameter.
     """
     found = model.transfer(output, input)
-    fixed = [name for name in found.numerator if name not in model.parameters]
+    every = (*found.numerator, *found.denominator)
+    fixed = [name for name in every if name not in model.parameters]
     if fixed:
         raise ModelError(
-            f"model: found {fixed[0]} fixed by normalise, expected a numerator of parameters "
-            "alone; identify with normalise='gamma1' or 'dcgain'"
+            f"model: found {fixed[0]} fixed by normalise, expected coefficients that are "
+            "parameters; identify with normalise='gamma1' or 'dcgain'"
         )
     return found
 

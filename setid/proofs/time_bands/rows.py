@@ -65,7 +65,7 @@ class Known(NamedTuple):
         found = np.ones(len(u))
         for channel, lag in self.inputs:
             found[:lag] = 0.0
-            found[lag:] *= u[: len(u) - lag, channel]
+            found[lag:] *= u[: max(len(u) - lag, 0), channel]
         return found
 
     def most(self, cover: Cover) -> float:
@@ -123,7 +123,7 @@ class OutputRow:
         own, found = np.zeros(v.size), np.zeros((v.size, cover.lower.size))
         size = np.zeros(v.size)
         for lag, factor in self.feedback.items():
-            past = v[: v.size - lag]
+            past = v[: max(v.size - lag, 0)]
             own[lag:] += factor.constant * past
             found[lag:] += past[:, None] * factor.weights
             size[lag:] += np.abs(past) * factor.size(cover)

@@ -43,7 +43,7 @@ def with_sums(cover: Cover, names: Sequence[str], sums: Sequence[Sum]) -> Cover:
     names : sequence of str
         Of the sums, in turn; each is in parameters and in sums before it.
     sums : sequence of Sum
-        For each of them coefficients, and one or two names.
+        For each of them coefficients, and two names at most.
 
     Returns
     -------
@@ -90,6 +90,10 @@ def _tangents(terms: Terms, own: int, box: tuple[Reals, Reals]) -> tuple[Reals, 
         matrix[row, own] = -sign
         size = 0.0
         for coefficient, word in terms:
+            if not word:
+                right[row] -= sign * coefficient
+                size += abs(coefficient)
+                continue
             if len(word) == 1:
                 matrix[row, word[0]] += sign * coefficient
                 size += abs(coefficient) * _most(box, word[0])

@@ -147,6 +147,53 @@ def test_steps_of_a_map_keep_its_constant() -> None:
     assert np.max(band.high - band.low) < 0.5
 
 
+def test_systems_that_begin_at_an_offset_are_not_enclosed_from_rest() -> None:
+    """y = c + (at rest) is not 0 before the record, as multiplied rows would have it."""
+    found, _, _ = two_inputs(offset=True, initial="zero")
+    with pytest.raises(setid.ModelError, match="begin at an offset"):
+        setid.simulate_band(found, kind="proved", time_limit=0.0)
+    assert setid.simulate_band(found, time_limit=0.0).kind == "sampled"
+
+
+def test_constants_that_normalise_fixes_belong_to_the_map() -> None:
+    """y = 2 + gamma2 u: what is drawn as nominal lies in what is proved."""
+    maps = {"y1": setid.StaticMap("u1", [0, 1])}
+    model = setid.BlockStructured({}, maps, normalise={"gamma1": 2.0})
+    u, noise = np.linspace(-1, 1, 12)[:, None], setid.Noise(output=0.1)
+    truth = setid.simulate_record(model, [1.0], u, noise)
+    found = identified(setid.formulate(truth.data, model, noise), [(0.9, 1.1)])
+    band = step_band(found, 5, time_limit=1.0)
+    assert np.all((band.low <= 3.0) & (3.0 <= band.high)) and band.nominal[0] == pytest.approx(3)
+    assert np.all((band.low <= band.attained_low) & (band.attained_high <= band.high))
+
+
+def test_terms_without_a_parameter_count_for_what_is_attained() -> None:
+    model = setid.Hammerstein(
+        setid.TransferFunction(1, 2, 1), 2, normalise=[{"gamma1": 1.0}, {"b1": 1.0}]
+    )
+    theta = [-0.6, 0.5, 0.4]
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (20, 1)), setid.Noise(output=0.1)
+    truth = setid.simulate_record(model, theta, u, noise)
+    found = identified(
+        setid.formulate(truth.data, model, noise), [(t - 0.01, t + 0.01) for t in theta]
+    )
+    band = setid.simulate_band(found, kind="proved", time_limit=2.0)
+    assert band.attained_low is not None and band.attained_high is not None
+    assert np.all((band.low <= band.attained_low) & (band.attained_high <= band.high))
+    assert np.all((band.low <= truth.y + 1e-12) & (truth.y - 1e-12 <= band.high))
+
+
+def test_records_shorter_than_the_delay_are_at_rest() -> None:
+    model = setid.TransferFunction(1, 1, 6, initial="zero")
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (20, 1)), setid.Noise(output=0.1)
+    truth = setid.simulate_record(model, [-0.5, 1.0], u, noise)
+    found = identified(setid.formulate(truth.data, model, noise), [(-0.6, -0.4), (0.9, 1.1)])
+    for samples in (1, 5, 7):
+        short = setid.IOData(u[:samples], np.zeros(samples))
+        band = setid.simulate_band(found, short, kind="proved", time_limit=1.0)
+        assert np.all(np.abs(band.low[:6]) < 1e-6) and np.all(np.abs(band.high[:6]) < 1e-6)
+
+
 def test_an_unbounded_interval_leaves_sampled_bands(result: setid.Identification) -> None:
     intervals = dict(result.intervals)
     first = intervals["a1"]

@@ -19,8 +19,9 @@ SUMS: tuple[Sum, ...] = (
     ((-3.0, ("a", "b")), (0.1, ("b", "c")), (1.0, ("c",))),
     ((0.5, ("s2", "c")),),
     ((2.0, ("a", "a")),),
+    ((0.1, ()), (-0.3, ("a",)), (1.0, ("a", "c"))),
 )
-LIFTED = ("s1", "s2", "s3", "s4", "s5")
+LIFTED = ("s1", "s2", "s3", "s4", "s5", "s6")
 BOXES = [
     ([-1.0, 0.5, -2.0], [2.0, 0.75, -1.0]),
     ([1e6, -3e-7, 0.1], [1.1e6, 2e-7, 0.1]),
@@ -60,7 +61,7 @@ def covers(ends: tuple[list[float], list[float]]) -> tuple[Cover, Cover, np.ndar
 def test_all_points_of_the_box_are_covered(ends: tuple[list[float], list[float]]) -> None:
     plain, cover, inside = covers(ends)
     assert cover.names == (*NAMES, *LIFTED) and not cover.exact
-    assert np.array_equal(cover.matrix[0], [1.0, -1.0, 0.5, 0, 0, 0, 0, 0])
+    assert np.array_equal(cover.matrix[0], [1.0, -1.0, 0.5, 0, 0, 0, 0, 0, 0])
     assert cover.right[0] == plain.right[0]
     for theta in inside:
         values = exact(theta)
@@ -82,12 +83,12 @@ def test_rows_are_the_hull_of_a_product(ends: tuple[list[float], list[float]]) -
             lower, upper = cover.lower.copy(), cover.upper.copy()
             lower[place] = upper[place] = side[place]
             edge = Cover(cover.names, lower, upper, cover.matrix, cover.right, False)
-            found = supports(edge, np.eye(8)[[4]], Proposer)[0]
+            found = supports(edge, np.eye(9)[[4]], Proposer)[0]
             other = np.array([plain.lower[1 - place], plain.upper[1 - place]]) * side[place]
             assert found == pytest.approx([other.min(), other.max()], abs=1e-9)
 
 
 def test_sums_without_products_are_linear_equations() -> None:
     _, cover, _ = covers(BOXES[0])
-    ranges = supports(cover, np.array([[1.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]]), Proposer)
+    ranges = supports(cover, np.array([[1.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]), Proposer)
     assert np.abs(ranges).max() < 1e-12
