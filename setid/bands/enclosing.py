@@ -31,6 +31,7 @@ Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
 _FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
+_DRAWING = 0.2  # of the time, for members that are simulated
 _BRIEF = 0.1  # of the time, for a band from which the next question follows
 
 
@@ -199,7 +200,7 @@ def _all_bands(
             _one(task, cover, known, Effort(accuracy.tolerance, share), settle)
             for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
         ]
-    asked, drawn = narrowing_of(result, coordinates), _members(result, accuracy.samples)
+    asked, drawn = narrowing_of(result, coordinates), _members(result, accuracy)
     return [
         _narrowed(task, asked, drawn, Effort(accuracy.tolerance, share), settle)
         for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
@@ -235,9 +236,10 @@ def _narrowed(
     return replace(band, report=report)
 
 
-def _members(result: FeasibleSet, samples: int) -> Reals:
+def _members(result: FeasibleSet, accuracy: Accuracy) -> Reals:
+    """Members that are simulated; none where none is known."""
     try:
-        return members(result, samples)
+        return members(result, accuracy.samples, time_limit=_DRAWING * accuracy.time_limit)
     except SetidError:  # no member is known; what is proved holds all the same
         return np.zeros((0, len(result.formulation.parameters)))
 

@@ -5,6 +5,8 @@ Nothing here is a cover of the set: what is drawn from members is labelled *samp
 
 from __future__ import annotations
 
+import time
+from itertools import takewhile
 from math import inf
 
 import numpy as np
@@ -12,7 +14,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, natural
+from setid.data.checks import frozen, natural, number
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.witness import Witness, least_noise
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -74,7 +76,7 @@ def _priors_hold(formulation: Formulation, x: Reals) -> bool:
 # ---- members ----------------------------------------------------------------------------
 
 
-def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
+def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: float = inf) -> Reals:
     """List consistent parameter vectors: attained ones, and consistent mixtures of them.
 
     Parameters
@@ -83,6 +85,8 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
     count : int
         Mixtures that are tried; those that the data refute are left out.
     seed : int
+    time_limit : float
+        Seconds after which no further mixture is tried.
 
     Returns
     -------
@@ -117,7 +121,9 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
         )
     weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
-    keep = [theta for theta in mixed if is_member(result.formulation, theta)]
+    until = time.monotonic() + number(time_limit, "time_limit", SetidError)
+    inside = (theta for theta in mixed if is_member(result.formulation, theta))
+    keep = list(takewhile(lambda _: time.monotonic() < until, inside))
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
 
 

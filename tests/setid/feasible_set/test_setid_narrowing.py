@@ -175,3 +175,12 @@ def test_heights_of_sums_hold_whatever_the_form(form: Any) -> None:
     assert points.shape[1] == 4
     assert np.all(directions @ coordinates.values(TWO) <= heights)
     assert heights[1] + heights[3] < np.ptp([0.72 * 0.42, 0.68 * 0.38])
+
+
+def test_drawing_members_ends_with_its_time(result: setid.Identification) -> None:
+    """Attained vectors need no time; no mixture is tried after it."""
+    known = members(result, 0)
+    assert np.array_equal(members(result, 10**5, time_limit=0.0), known)
+    assert len(members(result, 5, time_limit=60.0)) > len(known)
+    with pytest.raises(setid.SetidError, match="time_limit"):
+        members(result, 5, time_limit=float("nan"))
