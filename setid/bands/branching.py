@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, lfiltic
 
+from setid.bands.verdicts import FLOOR
 from setid.feasible_set.proposer import Proposer
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_reach
@@ -33,7 +34,6 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
-_FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
@@ -264,7 +264,7 @@ class _Search:
     def _scale(self) -> Reals:
         width = self.high - self.low
         top = float(width.max(initial=0.0))
-        return np.asarray(np.maximum(width, _FLOOR * top if top > 0 else 1e-300), np.float64)
+        return np.asarray(np.maximum(width, FLOOR * top if top > 0 else 1e-300), np.float64)
 
     def _beyond(self, number: int) -> Reals:
         """Reach of a cell's range beyond what is attained, in widths, (N,)."""

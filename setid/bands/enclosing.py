@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.bands.branching import Effort, Found, attained_by, branched, force_of, slopes_of
-from setid.bands.verdicts import BandReport, Verdict, ratio_of
+from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
 from setid.data.checks import number
 from setid.data.record import IOData
 from setid.errors import SetidError
@@ -29,7 +29,6 @@ __all__ = ["Accuracy", "Band", "View", "band_of", "record_bands", "view_of"]
 
 Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
-_FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
 _DRAWING = 0.2  # of the time, for members that are simulated
 _BRIEF = 0.1  # of the time, for a band from which the next question follows
@@ -86,7 +85,7 @@ class Band:
     def excess(self, tolerance: float) -> Reals:
         """Find by how much it is wider than attained ones may be, in attained widths; (N,)."""
         width, reached = self.ranges.high - self.ranges.low, self.high - self.low
-        scale = np.maximum(reached, _FLOOR * np.max(reached, initial=0.0))
+        scale = np.maximum(reached, FLOOR * np.max(reached, initial=0.0))
         with np.errstate(invalid="ignore", divide="ignore"):
             found = (width - reached) / scale - 2 * tolerance
         return np.where(np.isnan(found), 0.0, found)

@@ -25,7 +25,7 @@ from setid.feasible_set.narrowing import narrowing_of
 from setid.feasible_set.supports import Proposer
 from setid.options import check_executor
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
-from setid.proofs.frequency.regions import frequency_regions, response_slopes, rounding_of
+from setid.proofs.frequency.regions import frequency_regions, rounding_of
 from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
 from sparsepop_py.executors.dispatch import map_in_order
@@ -283,10 +283,21 @@ def _narrowed(
     cover = asked.cover
     if cover.exact or not np.all(np.isfinite([cover.lower, cover.upper])):
         return cover
-    functions = response_slopes(theta, weights)
+    functions = _slopes(theta, weights)
     while asked.narrow(functions, asked.excess(functions, _TOLERANCE), until):
         pass
     return asked.cover
+
+
+def _slopes(theta: Reals, weights: tuple[Complexes, Complexes]) -> Reals:
+    """Differentiate G / (g / abs(g)) at theta: finite real and imaginary parts, (K, p)."""
+    a, b = weights
+    with np.errstate(all="ignore"):
+        below = 1.0 + b @ theta
+        g = a @ theta / below
+        slopes = (a - g[:, None] * b) / (below * np.exp(1j * np.angle(g)))[:, None]
+    found = np.concatenate([slopes.real, slopes.imag])
+    return found[np.all(np.isfinite(found), axis=1)]
 
 
 def _proved(

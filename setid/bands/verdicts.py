@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from sparsepop_py.verified.arithmetic.display import rounded
 
-__all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
+__all__ = ["FLOOR", "BandReport", "Kind", "Verdict", "ratio_of"]
 
 Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
 Verdict = Literal["tight", "wide", "unstable", "unproved"]
 _EXPLAINED = 3.0  # ratio from which a reader is told why
-_FLOOR = 0.01  # of the largest attained width: narrower samples do not count
+FLOOR = 0.01  # of the largest attained width: narrower samples do not count by themselves
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def ratio_of(proved: tuple[Reals, Reals], attained: tuple[Reals, Reals]) -> floa
     with np.errstate(invalid="ignore", over="ignore"):
         widths = proved[1] - proved[0], attained[1] - attained[0]
     top = float(np.max(widths[1], initial=0.0))
-    counted = widths[1] > _FLOOR * top
+    counted = widths[1] > FLOOR * top
     if not np.isfinite(top) or not np.any(counted):
         return float("nan")
     return float(np.max(widths[0][counted] / widths[1][counted]))

@@ -20,7 +20,6 @@ __all__ = [
     "frequency_regions",
     "gains_of",
     "quotient_rectangle",
-    "response_slopes",
     "rounding_of",
 ]
 
@@ -72,7 +71,10 @@ def frequency_regions(
         Of a rectangle that holds the response; infinite where nothing is proved.
     """
     a, b = weights
-    d0, g, turn = _nominal(theta, weights)
+    d0 = 1.0 + b @ theta
+    d0 = np.where(d0 == 0, np.finfo(float).tiny, d0)  # then the range of D / D0 is unbounded
+    g = a @ theta / d0
+    turn = np.where(g == 0, 1.0, g / np.where(g == 0, 1.0, np.abs(g)))
     # With e = (N - g D) / (D0 turn) and q = D / D0 it is (G - g) / turn = e / q.
     scale = (d0 * turn)[:, None]
     low, high = _rectangles(
@@ -91,30 +93,6 @@ def frequency_regions(
     known = np.isfinite(corners)
     turned = np.where(known, corners, 0.0) * turn[:, None]
     return gains, angles, np.where(known, turned, np.inf)
-
-
-def response_slopes(theta: Reals, weights: tuple[Complexes, Complexes]) -> Reals:
-    """Differentiate real and imaginary parts of (G - g) / turn at theta, (2 F, p).
-
-    Parameters
-    ----------
-    theta, weights
-        As of :func:`frequency_regions`.
-    """
-    d0, g, turn = _nominal(theta, weights)
-    slopes = (weights[0] - g[:, None] * weights[1]) / (d0 * turn)[:, None]
-    return np.concatenate([slopes.real, slopes.imag])
-
-
-def _nominal(
-    theta: Reals, weights: tuple[Complexes, Complexes]
-) -> tuple[Complexes, Complexes, Complexes]:
-    """Denominators D0, responses g, and g / abs(g), at each frequency."""
-    a, b = weights
-    d0 = 1.0 + b @ theta
-    d0 = np.where(d0 == 0, np.finfo(float).tiny, d0)  # then the range of D / D0 is unbounded
-    g = a @ theta / d0
-    return d0, g, np.where(g == 0, 1.0, g / np.where(g == 0, 1.0, np.abs(g)))
 
 
 def _rectangles(

@@ -14,6 +14,7 @@ from setid.feasible_points.members import noise_level
 from setid.feasible_points.simulations import Fitting
 from setid.feasible_points.sums import ends_with_sums, sums_recursion
 from setid.formulation.units import in_units
+from setid.models.lti import Form
 from setid.simulation.responses import run
 from sparsepop_py.budget import Deadline
 
@@ -22,9 +23,9 @@ QUICK = setid.Options(time_limit=30.0, progress=False)
 
 
 def record(
-    samples: int, noise: float, offset: bool = False, form: str = "lifted"
+    samples: int, noise: float, offset: bool = False, form: Form = "lifted"
 ) -> setid.Formulation:
-    model = setid.TransferFunction(1, 1, nk=1, inputs=2, offset=offset, form=form)  # type: ignore[arg-type]
+    model = setid.TransferFunction(1, 1, nk=1, inputs=2, offset=offset, form=form)
     theta = np.append(THETA, 0.7) if offset else THETA
     u = np.random.default_rng(1).uniform(-1, 1, (samples, 2))
     bound = setid.Noise(output=noise)
@@ -42,7 +43,7 @@ def on_box(formulation: setid.Formulation, width: float) -> sp.Problem:
 
 
 @pytest.mark.parametrize("form", ["lifted", "driven"])
-def test_simulations_are_those_of_the_structure(form: str) -> None:
+def test_simulations_are_those_of_the_structure(form: Form) -> None:
     """From the first readings on, with slopes that differences confirm."""
     formulation = record(40, 0.05, True, form)
     parts = sums_recursion(formulation)

@@ -14,9 +14,10 @@ import setid
 import sparsepop_py as sp
 from setid.feasible_points.members import members
 from setid.feasible_set import narrowing
-from setid.feasible_set.coordinates import Coordinates, coordinates_of, parameters_of
+from setid.feasible_set.coordinates import Coordinates, asked_of, coordinates_of, parameters_of
 from setid.feasible_set.narrowing import Narrowing, narrowing_of, solved_heights
 from setid.feasible_set.supports import cover_of
+from setid.formulation.units import in_units
 
 TRUTH = np.array([-1.5, 0.7, 0.5, 0.25])
 AXES = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, -1.0, 0.0, 0.0]])
@@ -161,6 +162,7 @@ def test_sums_that_are_no_unknowns_are_not_asked() -> None:
     asked, later = fresh(found, coordinates), time.monotonic() + 60.0
     functions = np.eye(len(coordinates.names))[[6]]
     assert not asked.narrow(functions, np.ones(1), later)
+    assert asked_of(found, coordinates)[0] is found  # not the set of the other offset
     heights, _ = solved_heights(found, functions, sp.Options(time_limit=5.0), coordinates)
     assert heights.tolist() == [np.inf]
 
@@ -184,3 +186,24 @@ def test_drawing_members_ends_with_its_time(result: setid.Identification) -> Non
     assert len(members(result, 5, time_limit=60.0)) > len(known)
     with pytest.raises(setid.SetidError, match="time_limit"):
         members(result, 5, time_limit=float("nan"))
+
+
+def test_heights_are_lower_bounds_in_the_units_of_the_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The engine's problem has other units; b is large where inputs are tiny."""
+    model, noise = setid.TransferFunction(1, 1, nk=1), setid.Noise(output=0.1)
+    u = 2.0**-20 * np.cos(np.arange(20.0))
+    truth = setid.simulate_record(model, [-0.5, 2.0**20], u, noise)
+    ends = [(-0.6, -0.4), (0.9 * 2.0**20, 1.1 * 2.0**20)]
+    found = on_its_box(identified(setid.formulate(truth.data, model, noise), ends))
+    scaled = in_units(found.problem, found.formulation)
+    factor = scaled.asked(-1.0 * found.formulation.layout.polynomial(1))[1]
+
+    class Bounded:
+        lower_bound, upper_bound, attained = -3.0, -1.0, None
+
+    monkeypatch.setattr(sp, "solve_each", lambda problem, asked, options: [Bounded()] * len(asked))
+    heights, _ = solved_heights(found, np.array([[0.0, 1.0]]), sp.Options())
+    assert factor != 1.0 and heights[0] >= 3.0 * factor
+    assert heights[0] == pytest.approx(3.0 * factor)
