@@ -23,11 +23,10 @@ from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import draws_of, members, nominal
+from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.feasible_set.supports import Proposer, cover_of
-from setid.formulation.formulation import formulate
+from setid.feasible_set.supports import Proposer
 from setid.formulation.regression import check_channels
-from setid.models.general import nonlinear_rows
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -305,7 +304,8 @@ def predict(
     Parameters
     ----------
     result : FeasibleSet
-        Of a structure that is linear in its parameters.
+        Of a structure whose outputs obey equations in readings and parameters: products of
+        parameters are allowed (separate denominators, static maps), internal signals are not.
     data : IOData, optional
         The identification record when left out.
     noise : Noise, optional
@@ -319,7 +319,7 @@ def predict(
     Raises
     ------
     SetidError
-        If the structure has no regression form.
+        If the structure has no such equations.
 
     Examples
     --------
@@ -330,20 +330,23 @@ def predict(
     0
     """
     check_result(result)
-    record, _ = _record(result, data, noise)
-    model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
-    if any(equation.implicit for equation in model.regression()):
+    record, bounds = _record(result, data, noise)
+    model = result.formulation.model
+    coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
+    if any(equation.implicit for equation in coordinates.equations):
         raise SetidError(
             "model: rows of a continuous-time structure hold the sample itself beside its "
             "parameters and predict nothing one step ahead; simulate instead"
         )
-    rows = formulate(record, model, noise or result.formulation.noise).regression
-    if rows is None:
-        what = nonlinear_rows(model)
-        raise SetidError(f"model: {what} have no one-step prediction; simulate instead")
+    rows, cover = coordinates.rows(record, model, bounds), coordinates.cover(result)
+    if cover.names != coordinates.names:
+        raise SetidError(
+            "result: found an infinite interval, expected finite ones where predictions have "
+            "products of parameters; give priors such as Box or Stable"
+        )
     place = rows.row, rows.output - 1
     known = rows.target - record.y[place]  # what a row holds beside the reading itself
-    columns = [-(rows.regressors @ theta) - known]
+    columns = [-(rows.regressors @ coordinates.values(nominal(result))) - known]
     columns += list(predicted_ranges(cover, rows, record.y[place], Proposer))
     found = [np.full(record.y.shape, np.nan) for _ in columns]
     for target, values in zip(found, columns, strict=True):

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen, parameters_of
-from setid.errors import SetidError
 from setid.feasible_points.members import nominal
+from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.models.general import nonlinear_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +30,7 @@ class Residuals:
     ----------
     theta : (p,) float
     values : (R,) float
-        Y_k + R_k theta, row by row.
+        Y_k + R_k theta, row by row; where products of parameters occur, theta stands for them too.
     bound : (R,) float
         w0_k + W_k abs(theta): larger residuals no admissible noise explains.
     row, output : (R,) int
@@ -75,9 +74,15 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     Parameters
     ----------
     result : FeasibleSet
-        Of a structure that is linear in its parameters.
+        Of a structure whose outputs obey equations in readings and parameters, as for
+        :func:`setid.predict`.
     theta : (p,) array_like, optional
         The nominal model when left out.
+
+    Raises
+    ------
+    SetidError
+        If the structure has no such equations, or theta is no parameter vector of it.
 
     Examples
     --------
@@ -89,15 +94,16 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     (array([-0.25,  0.3 , -0.5 ]), array([], dtype=int64))
     """
     check_result(result)
-    rows = result.formulation.regression
-    if rows is None:
-        what = nonlinear_rows(result.formulation.model)
-        raise SetidError(f"model: {what} have no one-step residuals")
-    values = nominal(result) if theta is None else parameters_of(theta, rows.names)
+    formulation = result.formulation
+    coordinates = coordinates_of(formulation.model, "no one-step residuals")
+    data, names = formulation.data, formulation.parameters
+    rows = coordinates.rows(data, formulation.model, formulation.noise.bounds(data))
+    values = nominal(result) if theta is None else parameters_of(theta, names)
+    extended = coordinates.values(values)
     return Residuals(
         values,
-        frozen(rows.target + rows.regressors @ values),
-        frozen(rows.radius + rows.radii @ np.abs(values)),
+        frozen(rows.target + rows.regressors @ extended),
+        frozen(rows.radius + rows.radii @ np.abs(extended)),
         rows.row,
         rows.output,
     )

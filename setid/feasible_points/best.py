@@ -23,8 +23,10 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import is_member, members
 from setid.feasible_points.witness import consistent
+from setid.feasible_set.coordinates import Coordinates, coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.formulation.regression import regression_of_data
+from setid.formulation.regression import Regression
+from setid.models.continuous import at_rate
 from setid.models.equations import Structure
 from setid.simulation.responses import begun, run
 
@@ -230,11 +232,17 @@ def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
     theta : (p,) float
     data : IOData
     """
-    rows = regression_of_data(data, model)
+    rows, coordinates = _rows(model, data)
     found = np.full(data.y.shape, np.nan)
     place = rows.row, rows.output - 1
-    found[place] = data.y[place] - (rows.target + rows.regressors @ theta)
+    found[place] = data.y[place] - (rows.target + rows.regressors @ coordinates.values(theta))
     return found
+
+
+def _rows(model: Structure, data: IOData) -> tuple[Regression, Coordinates]:
+    """Equations of the readings as if exact, and what they are linear in."""
+    coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
+    return coordinates.rows(data, at_rate(model, data.Ts)), coordinates
 
 
 # ---- what is made small -----------------------------------------------------------------
@@ -244,8 +252,10 @@ def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
     """Errors over the identification record as a function of theta."""
     data, model = result.formulation.data, result.formulation.model
     if word(goal, "goal", ("simulation", "prediction"), SetidError) == "prediction":
-        rows = regression_of_data(data, model)
-        return lambda theta: np.asarray(rows.target + rows.regressors @ theta, np.float64)
+        rows, coordinates = _rows(model, data)
+        return lambda theta: np.asarray(
+            rows.target + rows.regressors @ coordinates.values(theta), np.float64
+        )
     counted = ~np.isnan(data.y) & ~started(model, data)[:, None]
 
     def errors(theta: Reals) -> Reals:

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.lifting import LIFTED, Sum, lift
+from setid.formulation.regression import Regression, rows_of_readings
 from setid.models.equations import Equation, Structure
 from setid.models.general import BlockStructured, nonlinear_rows
 from setid.models.lti import TransferFunction
@@ -68,13 +70,27 @@ class Coordinates:
         names = self.names[len(self.names) - len(self.sums) :]
         return with_sums(cover, names, self.sums)
 
+    def rows(
+        self, data: IOData, model: Structure, bounds: tuple[Reals, Reals, Reals] | None = None
+    ) -> Regression:
+        """State the equations for a record, one row an output and sample that has one.
 
-def coordinates_of(model: Structure) -> Coordinates:
+        Parameters and errors are those of
+        :func:`setid.formulation.regression.rows_of_readings`.
+        """
+        return rows_of_readings(data, model, self.equations, self.names, bounds)
+
+
+def coordinates_of(
+    model: Structure, lacks: str = "no proved bands; use kind='sampled'"
+) -> Coordinates:
     """State the equations of all outputs in coordinates in which they are affine.
 
     Parameters
     ----------
     model : Structure
+    lacks : str
+        What there is for structures without such coordinates, for the message.
 
     Raises
     ------
@@ -93,14 +109,14 @@ def coordinates_of(model: Structure) -> Coordinates:
     if not equations and isinstance(model, TransferFunction):
         if model.offset and model.initial == "zero":
             raise ModelError(
-                "model: outputs that begin at an offset do not begin at rest, and have no proved "
-                "bands where denominators are separate; use initial='free' or kind='sampled'"
+                "model: separate denominators whose outputs begin at an offset, and not at rest, "
+                f"have {lacks}, or identify with initial='free'"
             )
         equations = model.multiplied()
     elif not equations and isinstance(model, BlockStructured):
         equations = model.direct()
     if not equations:
-        raise ModelError(f"model: {nonlinear_rows(model)} have no proved bands; use kind='sampled'")
+        raise ModelError(f"model: {nonlinear_rows(model)} have {lacks}")
     lifting = lift(equations)
     return Coordinates((*model.parameters, *lifting.names), lifting.equations, lifting.sums)
 

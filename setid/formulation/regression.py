@@ -12,10 +12,17 @@ from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError
 from setid.formulation.compiler import Planned, plan
-from setid.formulation.signals import Integers, Reals, Signal, measured, product
+from setid.formulation.signals import (
+    Integers,
+    Reals,
+    Signal,
+    measured,
+    missing_ranges,
+    product,
+)
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
-from setid.models.equations import Structure
+from setid.models.equations import Equation, Structure
 from setid.models.general import nonlinear_rows
 from setid.models.lti import TransferFunction
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
@@ -27,6 +34,7 @@ __all__ = [
     "driven_signals",
     "regression_of_data",
     "rows_of",
+    "rows_of_readings",
     "usable_samples",
 ]
 
@@ -198,26 +206,64 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
     """
     check_channels(data, model)
     model = at_rate(model, data.Ts)
-    exact, none = np.zeros(data.samples), np.full(data.samples, -1)
-    columns = {
-        f"{letter}{channel + 1}": column
-        for letter, values in (("y", data.y), ("u", data.u))
-        for channel, column in enumerate(values.T)
-    }
-    no_range = np.tile([-np.inf, np.inf], (data.samples, 1))
-    signals = {name: measured(c, exact, none, none, no_range) for name, c in columns.items()}
-    driven = driven_signals(data, model)
-    signals |= driven
-    known = {name: ~np.isnan(column) for name, column in columns.items()}
-    known |= {name: ~np.isnan(signal.known) for name, signal in driven.items()}
-    found = build_regression(data, model, signals, known, np.zeros(data.y.shape))
-    if found is None:
+    equations = model.regression()
+    if not equations:
         advice = "setid.fit with errors='output' takes them"
         if isinstance(model, TransferFunction):
             advice = "use common_denominator=True, or one output and one input at a time"
         raise ModelError(
             f"model: {nonlinear_rows(model)} are not linear in the parameters; {advice}"
         )
+    return rows_of_readings(data, model, equations, model.parameters)
+
+
+def rows_of_readings(
+    data: IOData,
+    model: Structure,
+    equations: Sequence[Equation],
+    names: tuple[str, ...],
+    bounds: tuple[Reals, Reals, Reals] | None = None,
+) -> Regression:
+    """Build rows of equations of outputs for a record, in coordinates in which they are linear.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+        At the sampling interval of the data.
+    equations : sequence of Equation
+        What the model says of its outputs.
+    names : tuple of str
+        Of the coordinates.
+    bounds : output noise, input noise, equation error, optional
+        As :meth:`Noise.bounds` gives them; readings count as exact when left out, and rows with
+        gaps are left out.
+
+    Raises
+    ------
+    DataError
+        If no row is left.
+    """
+    if bounds is None:
+        bounds = np.zeros(data.y.shape), np.zeros(data.u.shape), np.zeros(data.y.shape)
+        gap = np.tile([-np.inf, np.inf], (data.samples, 1))
+        channels = [("y", data.outputs), ("u", data.inputs)]
+        ranges = {f"{letter}{i + 1}": gap for letter, count in channels for i in range(count)}
+    else:
+        ranges = missing_ranges(data, model, bounds, {})
+    none = np.full(data.samples, -1)
+    signals = {
+        f"{letter}{channel + 1}": measured(
+            column, bound[:, channel], none, none, ranges[f"{letter}{channel + 1}"]
+        )
+        for letter, values, bound in (("y", data.y, bounds[0]), ("u", data.u, bounds[1]))
+        for channel, column in enumerate(values.T)
+    }
+    driven = driven_signals(data, model)
+    usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
+    plans = plan(equations, data, usable, model.initial)
+    columns: dict[tuple[str, ...], int] = {(name,): place for place, name in enumerate(names)}
+    found = rows_of(plans, columns, names, data, signals | driven, bounds[2])
     if not found.target.size:
         raise DataError(f"data: found {data.samples} samples and no complete row, expected more")
     return found
