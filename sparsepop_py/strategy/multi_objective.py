@@ -254,7 +254,10 @@ class MultiObjectiveSearch:
             while not self.over and not apart.failure:
                 ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
                 ready.sort(key=lambda i: (taken[i], -self.searches[i].left if taken[i] else 0.0))
-                for index in ready[: workers_of(self.options.executor) - len(apart.running)]:
+                free = workers_of(self.options.executor) - len(apart.running)
+                # a first turn waits for a worker, so that none waits for what is verified here
+                ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])
+                for index in ready[: max(free, 0) + ahead]:
                     last[index] = self.model, self.searches[index].context.best
                     apart.begin(index, self._turn(index, STRATEGY.turn if taken[index] else 1))
                     taken[index] += 1

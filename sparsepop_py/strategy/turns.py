@@ -21,7 +21,6 @@ from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
 from sparsepop_py.branch_and_bound.workers import Timed, run_on, run_timed
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
-from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.references import Packet, References, received
 from sparsepop_py.local_search.incumbents import adopt_points, update_incumbent
 from sparsepop_py.progress import Stages
@@ -278,18 +277,14 @@ def search_from_apart(
     starts: _Vectors,
     points: list[ProvedPoint],
 ) -> Iterator[tuple[SolveContext, _Vectors]]:
-    """Run local searches in other processes, each for a part of the objectives."""
-    count = min(workers_of(executor), len(contexts))
-    parts = [list(contexts[k::count]) for k in range(count)]
-    answers, _ = run_on(
-        executor, _search_in_worker, [(p, starts, points) for p in parts], contexts[0].deadline
-    )
-    for number, context in enumerate(contexts):
-        answer = answers[number % count]
-        if answer is None or number // count >= len(answer):
+    """Run local searches in other processes, one objective each."""
+    tasks = [(context, starts, points) for context in contexts]
+    answers, _ = run_on(executor, _search_in_worker, tasks, contexts[0].deadline)
+    for context, answer in zip(contexts, answers, strict=True):
+        if answer is None:
             yield context, []  # lost: relaxations bring starts
             continue
-        best, candidates, seconds, searched = answer[number // count]
+        best, candidates, seconds, searched = answer
         context.stages.include(seconds, (), searched)
         yield replace(context, best=best), candidates
 
@@ -298,17 +293,11 @@ _Found = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
 
 
 def _search_in_worker(
-    contexts: list[SolveContext], starts: _Vectors, points: list[ProvedPoint]
-) -> list[_Found]:
-    found = list[_Found]()
-    known = list(points)
+    context: SolveContext, starts: _Vectors, points: list[ProvedPoint]
+) -> _Found | None:
     try:
-        with contexts[0].deadline.kept():
-            for context, candidates in search_from(contexts, starts, known, True):
-                best, stages = context.best, context.stages
-                found.append((best, candidates, stages.seconds, stages.searched))
-                if best is not None:
-                    known.append(best)
+        with context.deadline.kept():
+            ((context, candidates),) = search_from([context], starts, points, True)
     except EARLY:
-        pass
-    return found
+        return None
+    return context.best, candidates, context.stages.seconds, context.stages.searched
