@@ -292,12 +292,11 @@ def search_from_apart(
 _Found = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
 
 
-def _search_in_worker(
-    context: SolveContext, starts: _Vectors, points: list[ProvedPoint]
-) -> _Found | None:
+def _search_in_worker(context: SolveContext, starts: _Vectors, points: list[ProvedPoint]) -> _Found:
+    candidates = _Vectors()
     try:
         with context.deadline.kept():
             ((context, candidates),) = search_from([context], starts, points, True)
     except EARLY:
-        return None
+        pass
     return context.best, candidates, context.stages.seconds, context.stages.searched
