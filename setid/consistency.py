@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.fits.output_error import least_largest_error
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators
-from setid.feasible_points.witness import consistent, least_noise
+from setid.feasible_points.witness import Witness, consistent, least_noise
 from setid.formulation.formulation import (
     Formulation,
     formulate,
@@ -62,7 +62,7 @@ from setid.proofs.least_noise.noise_scale import (
     verify_scale,
 )
 from setid.proofs.parameter_box import start_of
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -74,6 +74,7 @@ if TYPE_CHECKING:
 __all__ = ["READ_OFF", "Consistency", "consistency"]
 
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
+T = TypeVar("T")
 READ_OFF = "read off this record"
 
 _MULTIPLIED = (
@@ -298,7 +299,7 @@ def consistency(
     if not isinstance(noise, Noise):
         raise SetidError(f"noise: found {type(noise).__name__}, expected setid.Noise")
     check_channels(data, model)
-    settings, until = with_executor(settings, executor), settings.deadline()
+    settings, deadline = with_executor(settings, executor), settings.limits()
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
     model, noise = settled(data, model, noise)
@@ -319,11 +320,20 @@ def consistency(
     model = formulation.model
     least = None
     if _is_long(formulation):
-        least = _by_denominators(data, model, noise, given, settings, until)
+        least = _by_denominators(data, model, noise, given, settings, deadline)
         whole = least.refuted is not None and not has_separate_denominators(model)
         if whole or _equations(formulation) > _LARGE or least.is_within(settings.tol):
             return least
-    return _by_engine(data, model, noise, given, settings, until, least)
+    return _by_engine(data, model, noise, given, settings, deadline, least)
+
+
+def _kept(deadline: Deadline, work: Callable[[], T]) -> T | None:
+    """Do work within the limits; None where they end it."""
+    try:
+        with deadline.kept():
+            return work()
+    except LimitReached:
+        return None
 
 
 def _of_one_offset(formulation: Formulation) -> Formulation:
@@ -388,36 +398,39 @@ def _by_engine(
     noise: Noise,
     priors: list[Any],
     settings: Options,
-    until: float,
+    deadline: Deadline,
     before: Consistency | None = None,
 ) -> Consistency:
-    bounds = noise.bounds(data)
+    bounds, until = noise.bounds(data), deadline.end
 
     def stated(factor: float) -> Formulation:
         return formulate(data, model, scaled_noise(bounds, factor), priors)
 
     if before is None or before.witness is None:
-        limit, x = _explaining(data, stated(1.0), until)
+        limit, x = _explaining(data, stated(1.0), deadline)
     else:
         limit, x = before.limit, before.witness
     rounding = rounding_factor(data, bounds)
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
     if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        found = search_factor(formulation, x, min(until, time.monotonic() + _SEARCH))
+        less = partial(search_factor, formulation, x, min(until, time.monotonic() + _SEARCH))
+        found = _kept(deadline, less)
         if found is not None and found.share < 1.0:
             limit, x = max(limit * found.share * (1.0 + 1e-3), rounding), found.x
             formulation = stated(limit)
     if x is not None:
-        witness = consistent(formulation, x[: len(formulation.parameters)])
+        witness = _kept(deadline, partial(_witness, formulation, x))
     if witness is not None:
         theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
-    by_rows = refuted_factor(stated, limit, until)
+    by_rows = _kept(deadline, partial(refuted_factor, stated, limit, until))
     refuted = _larger(None if before is None else before.refuted, by_rows)
     low = 0.0 if refuted is None else refuted[0]
     box, result = None, None
     if limit > rounding:
-        formulation, limit, box, result = least_factor(stated, (low, limit), x, settings, until)
+        least = partial(least_factor, stated, (low, limit), x, settings, until)
+        found_least = _kept(deadline, least) or (formulation, limit, None, None)
+        formulation, limit, box, result = found_least
     problem = problem_with_factor(formulation, box)
     if result is not None:
         low = max(low, proved_factor(result, limit))
@@ -464,7 +477,7 @@ def _by_denominators(
     noise: Noise,
     priors: list[Any],
     settings: Options,
-    until: float,
+    deadline: Deadline,
 ) -> Consistency:
     bounds = noise.bounds(data)
 
@@ -472,12 +485,12 @@ def _by_denominators(
         return formulate(data, model, scaled_noise(bounds, factor), priors)
 
     given = stated(1.0)
-    refuted, best = _refuted_denominators(given, settings, until)
+    refuted, best = _refuted_denominators(given, settings, deadline.end)
     formulation, limit, theta, witness, high = given, 1.0, None, None, inf
-    for level, x in _estimates(data, given, best, until):
+    for level, x in _estimates(data, given, deadline, best):
         limit = max(level * (1.0 + 1e-3), rounding_factor(data, bounds))
         formulation = stated(limit)
-        witness = consistent(formulation, x[: len(formulation.parameters)])
+        witness = _kept(deadline, partial(_witness, formulation, x))
         if witness is not None:
             theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
             break
@@ -545,10 +558,10 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
 
 
 def _explaining(
-    data: IOData, formulation: Formulation, until: float
+    data: IOData, formulation: Formulation, deadline: Deadline
 ) -> tuple[float, NDArray[np.float64] | None]:
     """A factor with which some estimate is consistent, a little more than its least one."""
-    found = _estimates(data, formulation, until=until)
+    found = _estimates(data, formulation, deadline)
     if not found:
         return 1.0, None
     level, x = found[0]
@@ -558,12 +571,12 @@ def _explaining(
 def _estimates(
     data: IOData,
     formulation: Formulation,
+    deadline: Deadline,
     denominators: Iterable[NDArray[np.float64]] = (),
-    until: float = inf,
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Factors that estimates need, with all unknowns; the least one first."""
     found: list[tuple[float, NDArray[np.float64]]] = []
-    low, high = formulation.problem.lower, formulation.problem.upper
+    until = deadline.end
     estimates: list[Callable[[], NDArray[np.float64]]] = [
         lambda: linf(data, formulation.model).theta,
         lambda: least_squares(data, formulation.model).theta,
@@ -579,12 +592,27 @@ def _estimates(
     for estimate in estimates:
         if len(found) > 1 and time.monotonic() > until:
             break
+
         try:
-            theta = estimate()
-            p = theta.size
-            witness = least_noise(formulation, np.clip(theta, low[:p], high[:p]))
+            witness = _kept(deadline, partial(_explained, formulation, estimate))
         except (ModelError, ValueError):
             continue
+        if witness is None:
+            break
         if np.isfinite(witness.level):
             found.append((witness.level, witness.x))
     return sorted(found, key=lambda pair: pair[0])
+
+
+def _explained(
+    formulation: Formulation, estimate: Callable[[], NDArray[np.float64]]
+) -> Witness | None:
+    """Find the least noise with which an estimate, moved into its priors, explains the data."""
+    theta = estimate()
+    low, high = formulation.problem.lower[: theta.size], formulation.problem.upper[: theta.size]
+    return least_noise(formulation, np.clip(theta, low, high))
+
+
+def _witness(formulation: Formulation, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Prove that the parameters in some unknowns are consistent."""
+    return consistent(formulation, x[: len(formulation.parameters)], x)

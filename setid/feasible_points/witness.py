@@ -177,7 +177,9 @@ def _least_step(
 
 
 def consistent(
-    formulation: Formulation, theta: ArrayLike | Mapping[str, float]
+    formulation: Formulation,
+    theta: ArrayLike | Mapping[str, float],
+    near: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64] | None:
     """Prove that parameters are consistent with data, noise bounds and priors.
 
@@ -185,6 +187,8 @@ def consistent(
     ----------
     formulation : Formulation
     theta : array_like (p,) or mapping of names to numbers
+    near : (n,) float, optional
+        Unknowns that may be a witness already, with these parameters.
 
     Returns
     -------
@@ -192,14 +196,21 @@ def consistent(
         A witness, noise included, near which a consistent one provably exists with exactly
         these parameters; None where no proof was found.
     """
+    if near is not None and (found := _proved_near(formulation, near)) is not None:
+        return found
     try:
         witness = least_noise(formulation, theta)
     except ModelError:
         return None
-    problem, p = formulation.problem, len(formulation.parameters)
     if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
         return None
-    point = proved_point(formulation, problem, witness.x)
-    if point is None or not np.array_equal(point.x[:p], witness.x[:p]):
+    return _proved_near(formulation, witness.x)
+
+
+def _proved_near(formulation: Formulation, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Prove that a witness lies near unknowns and has their parameters."""
+    p = len(formulation.parameters)
+    point = proved_point(formulation, formulation.problem, x)
+    if point is None or not np.array_equal(point.x[:p], x[:p]):
         return None
     return point.x if admitted(formulation, point.x[:p]) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -21,6 +22,7 @@ from setid.minimum_noise.factor import least_factor
 from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.least_noise.noise_scale import attained_factor
+from sparsepop_py.budget import check
 from sparsepop_py.executors.processes import Processes
 
 FIRST = setid.TransferFunction(1, 1)
@@ -381,3 +383,26 @@ def test_long_records_of_two_inputs_with_an_offset_are_closed() -> None:
     assert found.refuted is not None and isinstance(found.refuted[1], DenominatorCells)
     larger = replace(found, scale=(1.01 * high, 1.02 * high))
     assert not larger.verify()
+
+
+@pytest.mark.parametrize("samples", [30, 130])
+def test_estimates_that_take_long_end_with_the_limit(
+    samples: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no estimate is explained in time nothing is attained, and the rest still holds."""
+    tried = []
+
+    def endless(*_: Any) -> setid.Witness:
+        tried.append(len(tried))
+        for _ in range(60_000):
+            time.sleep(1e-3)
+            check()
+        raise AssertionError("the limit was not kept")
+
+    monkeypatch.setattr(import_module("setid.consistency"), "least_noise", endless)
+    u = np.random.default_rng(0).uniform(-1, 1, (samples, 1))
+    noise, model = setid.Noise(output=0.1), setid.TransferFunction(1, 1, 1)
+    data = setid.simulate_record(model, [-0.7, 0.5], u, noise).data
+    options = setid.Options(time_limit=1.0, progress=False)
+    found = setid.consistency(data, model, noise, setid.Stable(), options)
+    assert tried == [0] and found.verify() and found.scale[0] <= 1.0
