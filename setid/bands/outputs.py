@@ -361,6 +361,7 @@ def compare(
     mode: Mode = "simulation",
     kind: Kind | None = None,
     noise: Noise | None = None,
+    time_limit: float = 20.0,
 ) -> Comparison:
     """Compare the nominal model and the band of all models with a record.
 
@@ -375,6 +376,8 @@ def compare(
     noise : Noise, optional
         Of the validation record; that of the identification when left out (bounds that
         are given one a sample then have to fit).
+    time_limit : float
+        Seconds for a proved band of simulations.
 
     Returns
     -------
@@ -392,7 +395,7 @@ def compare(
     """
     check_result(result)
     if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
-        band = simulate_band(result, validation, kind, noise)
+        band = simulate_band(result, validation, kind, noise, time_limit=time_limit)
     else:
         band = predict(result, validation, noise)
     candidates = _candidates(result, mode)

@@ -271,7 +271,12 @@ class Identification(FeasibleSet):
 
         return to_frame(self)
 
-    def report(self, path: str | os.PathLike[str], validation: IOData | None = None) -> Path:
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        validation: IOData | None = None,
+        time_limit: float = 60.0,
+    ) -> Path:
         """Write one self-contained page: data, assumptions, intervals, bands, how to verify.
 
         Parameters
@@ -280,6 +285,8 @@ class Identification(FeasibleSet):
             Of the page, HTML with its pictures and the stored result inside.
         validation : IOData, optional
             A record to compare with; that of the identification when left out.
+        time_limit : float
+            Seconds for all bands together.
 
         Returns
         -------
@@ -292,7 +299,7 @@ class Identification(FeasibleSet):
         """
         from setid.result.page import report
 
-        return report(self, path, validation)
+        return report(self, path, validation, time_limit)
 
     # ---- estimates ----------------------------------------------------------------------
 
@@ -574,6 +581,7 @@ class Identification(FeasibleSet):
         mode: Mode = "simulation",
         kind: Kind | None = None,
         noise: Noise | None = None,
+        time_limit: float = 20.0,
     ) -> Comparison:
         """Compare with a record, by fit and guaranteed band; see :func:`setid.compare`.
 
@@ -586,10 +594,12 @@ class Identification(FeasibleSet):
             Proved where that is possible when left out.
         noise : Noise, optional
             Of this record; that of the identification when left out.
+        time_limit : float
+            Seconds for a proved band of simulations.
         """
         from setid.bands.outputs import compare
 
-        return compare(self, validation, mode, kind, noise)
+        return compare(self, validation, mode, kind, noise, time_limit)
 
     def to_control(self, omega: ArrayLike | None = None, kind: Kind = "sampled") -> ControlModels:
         """Convert to models of python-control; see :func:`setid.to_control`.

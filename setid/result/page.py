@@ -15,15 +15,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
+from setid.bands.blocks import static_band
 from setid.bands.outputs import Mode, compare
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
+from setid.data.checks import number
 from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent
 from setid.html import table
+from setid.models.block import BlockStructured
 from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
@@ -39,6 +42,8 @@ __all__ = ["report"]
 _STEPS = 50  # samples of a step response
 _MOST_STORED = 8_000_000  # characters of the stored result that a page carries
 _MOST_BINDING = 12  # samples named
+_MOST_PAIRS = 9  # pairs of channels whose responses are drawn
+_BAND_SECONDS = 20.0  # at most, for one band
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,10 @@ class Section:
 
 
 def report(
-    result: Identification, path: str | os.PathLike[str], validation: IOData | None = None
+    result: Identification,
+    path: str | os.PathLike[str],
+    validation: IOData | None = None,
+    time_limit: float = 60.0,
 ) -> Path:
     """Write one self-contained page on an identification.
 
@@ -71,6 +79,8 @@ def report(
         Of the page, HTML with its pictures inside.
     validation : IOData, optional
         A record to compare with; that of the identification when left out.
+    time_limit : float
+        Seconds for all bands together; each has the same share, and 20 seconds at most.
 
     Returns
     -------
@@ -78,16 +88,20 @@ def report(
 
     Raises
     ------
+    SetidError
+        If the time limit is no number of seconds.
     SolverNotFound
         If jinja2 or matplotlib is missing; the message says how to install them.
     SparsePOPError
         If the page cannot be written there.
     """
+    if not number(time_limit, "time_limit", SetidError) >= 0:
+        raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
     check_writable(str(as_path(path)), "path")
     environment = _environment()
     plt = require_matplotlib()
     with plt.style.context("default"):
-        sections = _sections(result, validation)
+        sections = _sections(result, validation, time_limit)
     verdict = result.verify()
     page = environment.from_string(
         (files("setid.result") / "page.html").read_text(encoding="utf-8")
@@ -118,7 +132,9 @@ def _named(data: IOData) -> str:
 # ---- sections ---------------------------------------------------------------------------
 
 
-def _sections(result: Identification, validation: IOData | None) -> list[Section]:
+def _sections(
+    result: Identification, validation: IOData | None, time_limit: float
+) -> list[Section]:
     formulation = result.formulation
     remarks = result._remarks()
     found = [
@@ -149,7 +165,7 @@ def _sections(result: Identification, validation: IOData | None) -> list[Section
         ),
     ]
     if not result.empty:
-        found += _uses(result, validation)
+        found += _uses(result, validation, time_limit)
     found += [
         Section("binding", "What binds", _binding(result)),
         Section(
@@ -160,39 +176,66 @@ def _sections(result: Identification, validation: IOData | None) -> list[Section
     return found
 
 
-def _uses(result: Identification, validation: IOData | None) -> list[Section]:
+def _uses(result: Identification, validation: IOData | None, time_limit: float) -> list[Section]:
     """Estimates, bands and residuals of a set with members."""
     about = "the validation record" if validation is not None else "the record itself"
-    bands = (
-        *_guarded(lambda: _bode(result)),
-        *_guarded(lambda: [_picture("response to a unit step", step_band(result, _STEPS).plot)]),
-    )
+    pairs = _pairs(result)
+    seconds = min(time_limit / (2 * len(pairs) + 1), _BAND_SECONDS)
     modes: tuple[Mode, ...] = ("prediction", "simulation")
-    compared = [p for m in modes for p in _guarded(partial(_compared, result, validation, m))]
+    works = [partial(_compared, result, validation, mode, seconds) for mode in modes]
     return [
         Section("estimates", "Members to work with", tuple(_guarded(lambda: _estimates(result)))),
-        Section("bands", "Bands of all consistent models", bands),
-        Section("outputs", f"Outputs on {about}", tuple(compared)),
-        Section(
-            "residuals",
-            "Residuals",
-            tuple(
-                _guarded(
-                    lambda: [
-                        _picture(
-                            "one-step residuals as shares of the largest that noise explains",
-                            residuals(result).plot,
-                        )
-                    ]
-                )
-            ),
-        ),
+        Section("bands", "Bands of all consistent models", _bands(result, pairs, seconds)),
+        Section("outputs", f"Outputs on {about}", tuple(p for w in works for p in _guarded(w))),
+        Section("residuals", "Residuals", tuple(_guarded(lambda: [_residuals(result)]))),
     ]
 
 
-def _bode(result: Identification) -> list[Part]:
-    band = frequency_band(result)
+def _pairs(result: Identification) -> list[tuple[int, int]]:
+    """Outputs and inputs, from 1, whose responses are drawn."""
+    model = result.formulation.model
+    every = [(i, j) for i in range(1, model.outputs + 1) for j in range(1, model.inputs + 1)]
+    return every[:_MOST_PAIRS]
+
+
+def _bands(
+    result: Identification, pairs: list[tuple[int, int]], seconds: float
+) -> tuple[Part, ...]:
+    """Responses of each pair of channels, and static maps."""
+    works = [partial(work, result, *pair, seconds) for pair in pairs for work in (_bode, _step)]
+    model, found = result.formulation.model, []
+    if isinstance(model, BlockStructured):
+        works += [partial(_static, result, name) for name, _ in model.maps]
+    for work in works:
+        found += [part for part in _guarded(work) if part not in found]  # one note for all pairs
+    left = model.outputs * model.inputs - len(pairs)
+    if left:
+        found.append(Part("note", f"{left} more pairs of channels are not drawn."))
+    return tuple(found)
+
+
+def _bode(result: Identification, output: int, input: int, seconds: float) -> list[Part]:
+    band = frequency_band(result, output=output, input=input, time_limit=seconds)
     return [_picture(f"gain and phase, {band.kind}", band.plot)]
+
+
+def _step(result: Identification, output: int, input: int, seconds: float) -> list[Part]:
+    drawn = partial(step_band, result, _STEPS, output=output, input=input)
+    try:
+        band = drawn(time_limit=seconds)
+    except SetidError:
+        band = drawn(kind="sampled")
+    return [_picture(f"response to a unit step, {band.kind}", band.plot)]
+
+
+def _static(result: Identification, name: str) -> list[Part]:
+    band = static_band(result, name)
+    return [_picture(f"static map {name}, {band.kind}", band.plot)]
+
+
+def _residuals(result: Identification) -> Part:
+    caption = "one-step residuals as shares of the largest that noise explains"
+    return _picture(caption, residuals(result).plot)
 
 
 def _estimates(result: Identification) -> list[Part]:
@@ -211,8 +254,10 @@ def _estimates(result: Identification) -> list[Part]:
     return [Part("html", table(["estimate", *names, "fit"], rows)), *notes]
 
 
-def _compared(result: Identification, validation: IOData | None, mode: Mode) -> list[Part]:
-    found = compare(result, validation, mode)
+def _compared(
+    result: Identification, validation: IOData | None, mode: Mode, seconds: float
+) -> list[Part]:
+    found = compare(result, validation, mode, time_limit=seconds)
     return [Part("code", found.summary()), _picture(f"{mode}: readings and band", found.plot)]
 
 

@@ -6,6 +6,7 @@ import base64
 import builtins
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,6 +52,49 @@ def test_a_page_is_complete_in_itself(tmp_path: Path) -> None:
     again = result.report(tmp_path / "again.html", data.split(20)[1])
     sizes = [len(Path(p).read_text(encoding="utf-8")) for p in (path, again)]
     assert sizes[0] == sizes[1]
+
+
+def captions(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8")
+    assert "Verified again" in text
+    return re.findall(r"<figcaption>([^<]*)</figcaption>", text)
+
+
+def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    model, noise = setid.TransferFunction(1, 1, 1, inputs=2), setid.Noise(output=0.05)
+    u = np.random.default_rng(0).uniform(-1, 1, (30, 2))
+    data = setid.simulate_record(model, [-0.7, -0.4, 0.5, -0.8], u, noise, 1).data
+    options = setid.Options(time_limit=20.0, progress=False)
+    result = setid.identify(data, model, noise, setid.Stable(), options)
+    shown = captions(result.report(tmp_path / "out.html", time_limit=3.0))
+    assert shown.count("gain and phase, proved") == 2
+    assert shown.count("response to a unit step, proved") == 2
+    assert "prediction: readings and band" in shown and "one-step residuals" in shown[-1]
+
+
+def test_a_page_on_blocks_shows_their_maps_and_what_is_sampled(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    linear, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05)
+    options = setid.Options(time_limit=5.0, progress=False)
+    u = np.random.default_rng(0).uniform(-1, 1, (25, 1))
+    for model, wanted in (
+        (setid.Hammerstein(linear, 2, "gamma1"), "response to a unit step, proved"),
+        (setid.Wiener(linear, 2, "gamma1"), "response to a unit step, sampled"),
+    ):
+        data = setid.simulate_record(model, [-0.6, 0.5, 0.3], u, noise, 1).data
+        result = setid.identify(data, model, noise, setid.Stable(), options)
+        shown = captions(result.report(tmp_path / "out.html", time_limit=2.0))
+        assert wanted in shown
+        assert ("static map w, proved" in shown) == ("w" in dict(model.maps))
+
+
+@pytest.mark.parametrize("limit", [-1.0, np.nan, "20", None, True])
+def test_limits_of_pages_are_checked_first(tmp_path: Path, limit: Any) -> None:
+    result = setid.identify(record(0.05), MODEL, setid.Noise(equation=0.05))
+    with pytest.raises(setid.SetidError, match="time_limit: found"):
+        result.report(tmp_path / "out.html", time_limit=limit)
+    assert not (tmp_path / "out.html").exists()
 
 
 def test_an_empty_set_gets_a_page_that_says_so(tmp_path: Path) -> None:
