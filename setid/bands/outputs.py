@@ -8,6 +8,7 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -26,7 +27,8 @@ from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer
-from setid.formulation.regression import check_channels
+from setid.formulation.formulation import formulate
+from setid.formulation.regression import Regression, check_channels
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -271,7 +273,7 @@ def simulate_band(
         word(kind, "kind", ("proved", "sampled"), SetidError)
     accuracy = Accuracy(tolerance, time_limit, samples)
     draws_of(samples, seed)
-    record, bounds = _record(result, data, noise)
+    record, _, bounds = _record(result, data, noise)
     model, theta, eta = result.formulation.model, nominal(result), bounds[0]
     if kind != "sampled":
         try:
@@ -314,7 +316,8 @@ def predict(
     Returns
     -------
     OutputBand
-        NaN where no row predicts a sample.
+        NaN where no row predicts a sample. Where one asks for a sample that is missing and has a
+        range, ``low`` and ``high`` are those of readings.
 
     Raises
     ------
@@ -330,7 +333,7 @@ def predict(
     0
     """
     check_result(result)
-    record, bounds = _record(result, data, noise)
+    record, loud, _ = _record(result, data, noise)
     model = result.formulation.model
     coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
     if any(equation.implicit for equation in coordinates.equations):
@@ -338,19 +341,30 @@ def predict(
             "model: rows of a continuous-time structure hold the sample itself beside its "
             "parameters and predict nothing one step ahead; simulate instead"
         )
-    rows, cover = coordinates.rows(record, model, bounds), coordinates.cover(result)
+    rows, cover = coordinates.rows(formulate(record, model, loud)), coordinates.cover(result)
     if cover.names != coordinates.names:
         raise SetidError(
             "result: found an infinite interval, expected finite ones where predictions have "
             "products of parameters; give priors such as Box or Stable"
         )
-    place = rows.row, rows.output - 1
-    known = rows.target - record.y[place]  # what a row holds beside the reading itself
-    columns = [-(rows.regressors @ coordinates.values(nominal(result))) - known]
-    columns += list(predicted_ranges(cover, rows, record.y[place], Proposer))
-    found = [np.full(record.y.shape, np.nan) for _ in columns]
-    for target, values in zip(found, columns, strict=True):
-        target[place] = values
+    theta = coordinates.values(nominal(result))
+    found = np.full((5, *record.y.shape), np.nan)
+
+    def put(rows: Regression, kinds: slice) -> None:
+        place = rows.row, rows.output - 1
+        known = rows.target - record.y[place]  # what a row holds beside the reading itself
+        ranges = predicted_ranges(cover, rows, record.y[place], Proposer)
+        values = [-(rows.regressors @ theta) - known, *ranges]
+        for target, column in zip(found[kinds], values[kinds], strict=True):
+            target[place] = column
+
+    put(rows, slice(None))
+    with suppress(DataError):  # of no sample all that it takes is known
+        exact = coordinates.rows_of_readings(record, model)
+        if not np.array_equal(exact.regressors, rows.regressors):
+            # missing samples have ranges in the others, and noise moves the middle of powers
+            found[1:3] = found[3:5]
+            put(exact, slice(0, 3))
     middle, a, b, c, d = (frozen(x) for x in found)
     return OutputBand("proved", "prediction", record, middle, a, b, c, d)
 
@@ -372,7 +386,7 @@ def compare(
         The identification record when left out.
     mode : {"simulation", "prediction"}
     kind : {"proved", "sampled"}, optional
-        As in :func:`simulate_band`.
+        As in :func:`simulate_band`; bands of predictions are always proved.
     noise : Noise, optional
         Of the validation record; that of the identification when left out (bounds that
         are given one a sample then have to fit).
@@ -394,6 +408,8 @@ def compare(
     (array([92.2]), 0)
     """
     check_result(result)
+    if kind is not None:
+        word(kind, "kind", ("proved", "sampled"), SetidError)
     if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
         band = simulate_band(result, validation, kind, noise, time_limit=time_limit)
     else:
@@ -462,8 +478,8 @@ def _equation_errors_alone(result: FeasibleSet) -> bool:
 
 def _record(
     result: FeasibleSet, data: IOData | None, noise: Noise | None
-) -> tuple[IOData, tuple[Reals, Reals, Reals]]:
-    """The record and its noise bounds."""
+) -> tuple[IOData, Noise, tuple[Reals, Reals, Reals]]:
+    """The record, its noise, and the bounds of that."""
     formulation = result.formulation
     record = formulation.data if data is None else data
     check_channels(record, formulation.model)
@@ -474,7 +490,7 @@ def _record(
     if noise is not None and not isinstance(noise, Noise):
         raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     noise = (noise or formulation.noise).covering(formulation.noise.model_error)
-    return record, noise.bounds(record)
+    return record, noise, noise.bounds(record)
 
 
 def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:

@@ -53,8 +53,9 @@ class Residuals:
 
     @property
     def outside(self) -> NDArray[np.int64]:
-        """Places of residuals beyond their bound."""
-        return np.flatnonzero(np.abs(self.values) > self.bound * (1.0 + 1e-9))
+        """Places of residuals beyond their bound, or beyond the range of numbers."""
+        within = np.isfinite(self.values) & (np.abs(self.values) <= self.bound * (1.0 + 1e-9))
+        return np.flatnonzero(~within)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw residuals and bounds; returns the axes.
@@ -96,14 +97,16 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     check_result(result)
     formulation = result.formulation
     coordinates = coordinates_of(formulation.model, "no one-step residuals")
-    data, names = formulation.data, formulation.parameters
-    rows = coordinates.rows(data, formulation.model, formulation.noise.bounds(data))
-    values = nominal(result) if theta is None else parameters_of(theta, names)
-    extended = coordinates.values(values)
+    rows = coordinates.rows(formulation)
+    values = nominal(result) if theta is None else parameters_of(theta, formulation.parameters)
+    with np.errstate(over="ignore", invalid="ignore"):
+        extended = coordinates.values(values)
+        found = rows.target + rows.regressors @ extended
+        bound = rows.radius + rows.radii @ np.abs(extended)
     return Residuals(
         values,
-        frozen(rows.target + rows.regressors @ extended),
-        frozen(rows.radius + rows.radii @ np.abs(extended)),
+        frozen(found),
+        frozen(bound),
         rows.row,
         rows.output,
     )

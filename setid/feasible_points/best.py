@@ -242,7 +242,7 @@ def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
 def _rows(model: Structure, data: IOData) -> tuple[Regression, Coordinates]:
     """Equations of the readings as if exact, and what they are linear in."""
     coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
-    return coordinates.rows(data, at_rate(model, data.Ts)), coordinates
+    return coordinates.rows_of_readings(data, at_rate(model, data.Ts)), coordinates
 
 
 # ---- what is made small -----------------------------------------------------------------

@@ -19,7 +19,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import cover_of
-from setid.formulation.formulation import formulate
+from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import LIFTED, Sum, lift
 from setid.formulation.regression import Regression, rows_of_readings
 from setid.models.equations import Equation, Structure
@@ -70,15 +70,26 @@ class Coordinates:
         names = self.names[len(self.names) - len(self.sums) :]
         return with_sums(cover, names, self.sums)
 
-    def rows(
-        self, data: IOData, model: Structure, bounds: tuple[Reals, Reals, Reals] | None = None
-    ) -> Regression:
-        """State the equations for a record, one row an output and sample that has one.
+    def rows(self, formulation: Formulation) -> Regression:
+        """State the equations for a record and its noise, one row an output and sample.
+
+        Parameters
+        ----------
+        formulation : Formulation
+            Of the same structure: what it refuses has no such rows.
+        """
+        if formulation.regression is not None:
+            return formulation.regression
+        data, bounds = formulation.data, formulation.noise.bounds(formulation.data)
+        return rows_of_readings(data, formulation.model, self.equations, self.names, bounds)
+
+    def rows_of_readings(self, data: IOData, model: Structure) -> Regression:
+        """State the equations for readings as if exact; rows with gaps are left out.
 
         Parameters and errors are those of
         :func:`setid.formulation.regression.rows_of_readings`.
         """
-        return rows_of_readings(data, model, self.equations, self.names, bounds)
+        return rows_of_readings(data, model, self.equations, self.names)
 
 
 def coordinates_of(
@@ -95,8 +106,8 @@ def coordinates_of(
     Raises
     ------
     ModelError
-        If internal signals cannot be eliminated, or multiplied denominators would forget what the
-        first samples say.
+        If internal signals cannot be eliminated, a product of parameters multiplies several
+        signals, or multiplied denominators would forget what the first samples say.
 
     Examples
     --------
@@ -118,6 +129,10 @@ def coordinates_of(
     if not equations:
         raise ModelError(f"model: {nonlinear_rows(model)} have {lacks}")
     lifting = lift(equations)
+    if not all(equation.linear_in_parameters for equation in lifting.equations):
+        raise ModelError(
+            f"model: rows in which a product of parameters multiplies several signals have {lacks}"
+        )
     return Coordinates((*model.parameters, *lifting.names), lifting.equations, lifting.sums)
 
 

@@ -25,6 +25,7 @@ from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent
+from setid.formulation.regression import check_channels
 from setid.html import table
 from setid.models.block import BlockStructured
 from setid.plots.axes import require_matplotlib
@@ -89,7 +90,7 @@ def report(
     Raises
     ------
     SetidError
-        If the time limit is no number of seconds.
+        If the time limit is no number of seconds, or the record has other channels.
     SolverNotFound
         If jinja2 or matplotlib is missing; the message says how to install them.
     SparsePOPError
@@ -97,6 +98,8 @@ def report(
     """
     if not number(time_limit, "time_limit", SetidError) >= 0:
         raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
+    if validation is not None:
+        check_channels(validation, result.formulation.model)
     check_writable(str(as_path(path)), "path")
     environment = _environment()
     plt = require_matplotlib()

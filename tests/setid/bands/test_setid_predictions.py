@@ -153,3 +153,65 @@ def test_what_cannot_predict_says_why() -> None:
         predict(inner)
     with pytest.raises(setid.SetidError, match=r"internal signals \(z\) have no one-step residual"):
         residuals(inner, [0.0] * 3)
+
+
+def test_functions_of_noisy_inputs_have_no_rows() -> None:
+    """What noise does to a function that is not polynomial is not known."""
+    basis = [lambda x: np.tanh(3 * x), 1]
+    model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), basis, normalise="gamma1")
+    u = np.random.default_rng(0).uniform(-1, 1, 40)
+    y = np.zeros(40)
+    for k in range(1, 40):
+        y[k] = 0.6 * y[k - 1] + 0.8 * (np.tanh(3 * u[k - 1]) + 0.5 * u[k - 1])
+    exact = setid.IOData(u, y)
+    known = setid.formulate(exact, model, setid.Noise(output=0.02))
+    found = identified(known, [(-0.61, -0.59), (0.79, 0.81), (0.49, 0.51)])
+    assert not len(predict(found).outside)
+    with pytest.raises(setid.ModelError, match="not known exactly"):
+        predict(found, exact, setid.Noise(output=0.02, input=0.3))
+
+
+def test_sums_of_inputs_behind_two_denominators_say_why_they_do_not_predict() -> None:
+    shape = setid.TransferFunction(1, 1, 1)
+    model = setid.BlockStructured({("y1", "u1 - u2"): shape, ("y1", "u3"): shape}, {}, inputs=3)
+    u = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    noise = setid.Noise(output=0.01)
+    data = setid.simulate_record(model, [-0.5, 0.7, 0.3, 0.9], u, noise).data
+    found = identified(setid.formulate(data, model, noise), [(-0.9, 0.9)] * 4)
+    for call in (lambda: predict(found), lambda: residuals(found, [0.0] * 4)):
+        with pytest.raises(setid.SetidError, match="multiplies several signals have no one-step"):
+            call()
+
+
+def test_predictions_are_those_of_the_readings_whatever_their_noise() -> None:
+    """With noise in u the middle of u^2 is larger than the square of the reading."""
+    rng = np.random.default_rng(0)
+    model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, normalise="gamma1")
+    u, y = rng.uniform(-2, 2, 40), np.zeros(40)
+    for k in range(1, 40):
+        y[k] = 0.6 * y[k - 1] + 0.8 * (u[k - 1] + 0.4 * u[k - 1] ** 2)
+    data = setid.IOData(u + rng.uniform(-0.05, 0.05, 40), y)
+    noise = setid.Noise(input=0.05)
+    known = setid.formulate(data, model, noise)
+    band = predict(identified(known, [(-0.6001, -0.5999), (0.7999, 0.8001), (0.3999, 0.4001)]))
+    read = data.u[:-1, 0]
+    expected = 0.6 * y[:-1] + 0.8 * (read + 0.4 * read**2)
+    assert (band.low[1:, 0] <= expected).all() and (expected <= band.high[1:, 0]).all()
+    assert (band.high - band.low)[1:].max() < 0.01
+    assert band.nominal[1:, 0] == pytest.approx(expected) and not len(band.outside)
+
+
+def test_residuals_keep_the_rows_that_priors_add() -> None:
+    u, y = np.random.default_rng(0).uniform(-1, 1, 30), np.zeros(30)
+    for k in range(1, 30):
+        y[k] = 0.6 * y[k - 1] + 0.8 * u[k - 1]
+    y[10] = np.nan
+    box = setid.Box({"a1": (-0.9, 0.9), "b1": (0.0, 2.0)})
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.02)
+    found = setid.identify(setid.IOData(u, y), model, noise, box)
+    assert len(residuals(found).row) == 29
+
+
+def test_residuals_beyond_the_numbers_are_outside(result: setid.Identification) -> None:
+    found = residuals(result, [1e200] * 4)
+    assert found.outside.size == found.values.size
