@@ -88,7 +88,11 @@ def check_writable(path: str, field: str) -> None:
         If the path is a directory, or its directory does not exist.
     """
     target = Path(path)
-    if target.is_dir() or not target.parent.is_dir():
+    try:
+        good = not target.is_dir() and target.parent.is_dir()
+    except (OSError, ValueError):  # too long, or with letters that no name has
+        good = False
+    if not good:
         raise ProblemError(f"{field}: found {path!r}, expected a file in a directory that exists")
 
 

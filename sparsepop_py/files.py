@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 from sparsepop_py.errors import FormatError, OutputError, ProblemError
 
-__all__ = ["as_path", "read_bytes", "read_text", "write_file", "write_text"]
+__all__ = ["as_path", "can_name_a_file", "read_bytes", "read_text", "write_file", "write_text"]
 
 LARGEST = 2**31  # bytes: what is larger is no problem that anything here can hold
 
@@ -21,13 +21,31 @@ def as_path(path: Any) -> Path:
     Raises
     ------
     FormatError
-        If it is neither a string nor path-like, or holds a zero.
+        If it is neither a string nor path-like, or no file can have this name.
     """
     if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
         raise FormatError(f"path: found {path!r}, expected a file name")
-    if not os.fspath(path) or "\0" in os.fspath(path):
+    if not can_name_a_file(os.fspath(path)):
         raise FormatError(f"path: found {os.fspath(path)!r}, expected the name of a file")
     return Path(path)
+
+
+def can_name_a_file(name: str) -> bool:
+    r"""Check that a file may have a name on this system.
+
+    Parameters
+    ----------
+    name : str
+
+    Examples
+    --------
+    >>> can_name_a_file("a.json"), can_name_a_file(""), can_name_a_file("a\0b")
+    (True, False, False)
+    """
+    try:
+        return bool(name) and b"\0" not in os.fsencode(name)
+    except UnicodeEncodeError:
+        return False
 
 
 def read_bytes(path: Any) -> bytes:

@@ -163,7 +163,10 @@ def _chosen_effort(parameters: Parameters, stated: set[str]) -> Options:
 
 
 def _dimension(lbd: Any) -> int:
-    shape = lbd.shape if hasattr(lbd, "shape") else np.shape(lbd)
+    try:
+        shape = lbd.shape if hasattr(lbd, "shape") else np.shape(lbd)
+    except (ValueError, RecursionError):
+        raise ProblemError("lbd: found lists of several lengths, expected one vector") from None
     n = int(np.prod(shape))
     if not n:
         raise ProblemError(

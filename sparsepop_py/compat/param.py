@@ -15,9 +15,11 @@ from types import SimpleNamespace
 from typing import Any, NoReturn
 
 import numpy as np
+import scipy.sparse as sps
 
 from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.errors import ParameterWarning, ProblemError
+from sparsepop_py.files import can_name_a_file
 from sparsepop_py.options import Options
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.solvers import SOLVERS, solver_names
@@ -34,6 +36,7 @@ __all__ = [
     "wrong",
 ]
 
+_DEEPEST = 4  # lists in lists, of which indices have two
 _LEAST = 0.9e-10  # smaller tolerances and perturbations are errors in the original too
 
 
@@ -111,20 +114,20 @@ def _count(name: str, value: Any) -> int:
 
 def _log(name: str, value: Any) -> Any:
     if isinstance(value, str) and value:
-        return value
+        return _file(name, value)
     if not isinstance(value, numbers.Real) or value not in (0, 1):
         wrong(name, value, "0, 1 or the name of a file")
     return int(float(value))
 
 
 def _file(name: str, value: Any) -> str:
-    if not isinstance(value, str):
+    if not isinstance(value, str) or (value and not can_name_a_file(value)):
         wrong(name, value, "the name of a file")
     return value
 
 
 def _sdpa(name: str, value: Any) -> str:
-    if not isinstance(value, str) or (value and not value.endswith(".dat-s")):
+    if _file(name, value) and not (value.endswith(".dat-s")):
         wrong(name, value, "the name of a file that ends in .dat-s")
     return value
 
@@ -313,6 +316,8 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     """
     values = {name: _plain(value) for name, value in _items(param).items()}
     values = {name: value for name, value in values.items() if value is not None}
+    for name, value in values.items():
+        _check_nesting(name, value)
     for old, new in _OLD_NAMES.items():
         if old in values:
             values.setdefault(new, values[old])
@@ -446,6 +451,8 @@ def _items(param: Any) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Convert a MATLAB value: scalars for 1 x 1, lists for vectors, None for []."""
+    if sps.issparse(value):
+        value = value.toarray()
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
     if isinstance(value, np.ndarray):
@@ -454,6 +461,18 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, (list, tuple)) and len(value) == 0 else value
+
+
+def _check_nesting(name: str, value: Any, depth: int = 0) -> None:
+    """Refuse lists in lists that no field has."""
+    if not isinstance(value, (list, tuple)):
+        return
+    if depth > _DEEPEST:
+        raise ProblemError(
+            f"param.{name}: found lists more than {_DEEPEST} deep in each other, expected a value"
+        )
+    for item in value:
+        _check_nesting(name, item, depth + 1)
 
 
 # ---- values -----------------------------------------------------------------------------

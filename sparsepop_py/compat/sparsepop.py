@@ -136,7 +136,7 @@ def _function(text: str) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         raise ProblemError(f"objPoly: found the string {text!r}, expected {expected}")
     try:
         module = importlib.import_module(found["module"]) if found["module"] else problems
-    except ImportError as error:
+    except (ImportError, TypeError, ValueError) as error:  # relative names, empty ones
         raise ProblemError(
             f"objPoly: found the string {text!r}, expected {expected}: {error}"
         ) from error

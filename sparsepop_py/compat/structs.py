@@ -231,8 +231,9 @@ class _Struct:
 
     def optional(self, field: str, default: int) -> int:
         value = self.get(field)
-        absent = value is None or (not _is_sparse(value) and np.size(value) == 0)
-        return default if absent else self.integer(field)
+        if value is None or _array(value, f"{self.label}.{field}").size == 0:
+            return default
+        return self.integer(field)
 
 
 def _is_sparse(value: Any) -> bool:
@@ -242,7 +243,7 @@ def _is_sparse(value: Any) -> bool:
 def _is_complex(value: Any) -> bool:
     try:
         return bool(np.iscomplexobj(value))
-    except ValueError:  # rows of several lengths
+    except (ValueError, RecursionError):  # rows of several lengths, lists in lists in lists
         return False
 
 
@@ -254,7 +255,7 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
         if array.dtype.kind not in "biuf":
             raise TypeError
         return array.astype(float)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, RecursionError):
         found = "complex numbers" if _is_complex(dense) else _kind(value)
         raise ProblemError(f"{label}: found {found}, expected real numbers") from None
 

@@ -19,6 +19,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
@@ -89,6 +90,7 @@ class BlockGroup:
         if self.free:
             return self.basis
         i, j = self.pairs
+        check()  # high orders have millions of products of long words
         return monomials.multiply(self.basis[:, i], self.basis[:, j])
 
     def terms(self, system: Generators) -> tuple[NDArray[np.int64], Words, NDArray[np.float64]]:
@@ -118,6 +120,7 @@ class BlockGroup:
         each = products.shape[1]
         block, term = source.terms_of(number)
         row = block[:, None] * each + np.arange(each)
+        check()
         words = monomials.multiply(products[block], source.words[term][:, None, :])
         words = monomials.trim(words.reshape(-1, words.shape[-1]))
         return row.ravel(), words, np.repeat(source.coefficients[term], each)

@@ -34,6 +34,7 @@ STATUS = {
     "DualInfeasible": "unbounded",
     "AlmostDualInfeasible": "unbounded",
 }
+_MOST_ITERATIONS = 2**32 - 1  # that Clarabel counts
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
 
 
@@ -44,7 +45,7 @@ def _settings(asked: SolverSettings) -> Any:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = asked.accuracy
     settings.tol_feas = asked.accuracy
-    settings.max_iter = asked.max_iterations or 200
+    settings.max_iter = min(asked.max_iterations or 200, _MOST_ITERATIONS)
     if asked.time_limit is not None:
         settings.time_limit = max(asked.time_limit, 1e-3)
     return settings

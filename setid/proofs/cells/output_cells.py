@@ -10,10 +10,14 @@ denominator and in products of its numerator with gamma, and hold noise of sever
 
 The numerator is only known up to a factor that gamma takes up. All ratios are covered by the
 faces of a cube: one coordinate is 1, the others lie in [-1, 1]. The normalisation that was asked
-for gives each cell its factor at the end. Where the first samples of z are unknown, rows are
-combined that do not hold them (``unknown_start.py``), and z is bounded at last by the square that
-a row holds of it. Nothing here rests on a solver: every enclosure is computed with its rounding
-errors.
+for gives each cell its factor at the end.
+
+Where the first samples of z are unknown, rows are combined that do not hold them
+(``unknown_start.py``), and z is bounded at last by the square that a row holds of it. Then, in the
+box that this leaves, the last of these samples become coordinates of cells as well: an impulse at
+such a sample is one more input, and its coefficient is covered by the same cube.
+
+Nothing here rests on a solver: every enclosure is computed with its rounding errors.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +35,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
-from setid.proofs.cells.parts import Column, Parts, can_start, parts_of
+from setid.proofs.cells.parts import Column, Parts, begun, can_start, parts_of
 from setid.proofs.cells.unknown_start import depth, free_rows
 from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
@@ -122,8 +126,71 @@ def cell_box(
         Whether samples of the internal signal are bounded.
     """
     parts = parts_of(formulation)
-    if parts is None or not can_start(parts):
+    if parts is None:
         return None
+    found = _covered(parts, formulation, start, until, rounds) if can_start(parts) else None
+    if parts.initial:
+        hull, used = (start, 0) if found is None else (found.hull, found.rounds)
+        if np.all(hull[0] <= hull[1]) and _forgets(parts, formulation, hull):
+            found = _covered(begun(parts), formulation, hull, until, rounds - used, used) or found
+    if found is None:
+        return None
+    numbers = formulation.layout.group(parts.signal)
+    present = np.flatnonzero(numbers >= 0)
+    signal = found.signal(formulation, until if samples else -inf)[:, present]
+    return CellBox(
+        formulation.parameters,
+        frozen(found.hull[0]),
+        frozen(found.hull[1]),
+        numbers[present],
+        frozen(signal[0]),
+        frozen(signal[1]),
+        len(found.cells),
+        found.rounds,
+    )
+
+
+def _forgets(parts: Parts, formulation: Formulation, hull: Reals) -> bool:
+    """Check that no pole is at 0 or at 1: near these, cells of a first sample stay open for ever.
+
+    With a pole at 0 one row alone holds the first sample, and at 1 it cannot be told from an offset
+    of the map.
+    """
+    number = {name: i for i, name in enumerate(formulation.parameters)}
+    ends = hull[:, [number[name] for name in parts.poles]]
+    if not ends.size:
+        return True
+    apart = np.stack([ends[:, -1], 1.0 + ends.sum(axis=1)], axis=1)
+    return bool(np.all((apart[0] > 0.0) | (apart[1] < 0.0)))
+
+
+class _Covering(NamedTuple):
+    """Cells that are left, and the box of theta in all of them."""
+
+    parts: Parts
+    cells: Reals
+    fit: Fitted | None
+    kept: NDArray[np.int64]  # of the cells, those that are not empty
+    hull: Reals
+    rounds: int
+
+    def signal(self, formulation: Formulation, until: float) -> Reals:
+        """Bounds (2, N) of the internal signal."""
+        samples = formulation.data.samples
+        if self.fit is None or not self.kept.size:
+            return np.array([np.full(samples, np.inf), np.full(samples, -np.inf)])
+        return _signal(self.parts, formulation, self.cells, self.fit, self.kept, until)
+
+
+def _covered(
+    parts: Parts,
+    formulation: Formulation,
+    start: Reals,
+    until: float,
+    rounds: int,
+    spent: int = 0,
+) -> _Covering | None:
+    """Cover the set by cells; None where the denominator has no box, or readings say nothing."""
     number = {name: i for i, name in enumerate(formulation.parameters)}
     poles = start[:, [number[name] for name in parts.poles]]
     if not np.all(np.isfinite(poles)):
@@ -139,29 +206,17 @@ def cell_box(
     cells = _first_cells(parts, poles)
     left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
     hull, kept = _converted(parts, formulation, start, left, fit)
-    numbers = formulation.layout.group(parts.signal)
-    present = np.flatnonzero(numbers >= 0)
-    signal = np.array([np.full(present.size, np.inf), np.full(present.size, -np.inf)])
-    if fit is not None and kept.size:
-        until = until if samples else -inf
-        signal = _signal(parts, formulation, left, fit, kept, until)[:, present]
-    return CellBox(
-        formulation.parameters,
-        frozen(hull[0]),
-        frozen(hull[1]),
-        numbers[present],
-        frozen(signal[0]),
-        frozen(signal[1]),
-        len(left),
-        used,
-    )
+    return _Covering(parts, left, fit, kept, hull, spent + used)
 
 
 def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Rows that can be combined with those before them."""
+    """Rows that hold known samples of z, or can be combined with those before them."""
+    lags = [column.lag for column in parts.columns]
+    if len(parts.drives) > len(parts.words):
+        known = known.copy()
+        known[: max(parts.begin + max(lags), len(parts.past))] = False
     if not parts.initial:
         return known
-    lags = [column.lag for column in parts.columns]
     back = depth(lags)
     first = parts.initial - 1 + max(lags)  # rows before it hold samples of z that are not asked
     usable = np.zeros_like(known)
@@ -178,7 +233,7 @@ def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.boo
 
 def _first_cells(parts: Parts, poles: Reals) -> Reals:
     """The faces of the cube times the box of the denominator, shape (C, 2, d)."""
-    count = len(parts.words)
+    count = len(parts.drives)
     faces = []
     for face in range(count):
         ends = np.tile([[-1.0], [1.0]], count)
@@ -413,7 +468,7 @@ def _signal(
         some = kept[begin : begin + size]
         found = enclosed(cells[some], len(parts.poles), parts.drives, parts.drive_noise)
         z = np.stack([found.centre - found.radius, found.centre + found.radius], axis=1)
-        if parts.initial:
+        if parts.initial or parts.begin:
             own = fit.gamma[some], fit.radius[some]
             part = Fitted(*own, fit.bounded[some], fit.empty[some])
             reach = _from_start(parts, formulation, cells[some], part)
@@ -436,17 +491,20 @@ def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitte
     count, samples = len(cells), formulation.data.samples
     found, past = np.full((count, samples), np.inf), len(parts.past)
     lags = {column.lag for column in parts.columns}
-    if len(lags) > 1:
+    degree = max(column.power for column in parts.columns)
+    unknown = parts.initial or parts.begin
+    if not parts.initial:
+        found[:, unknown:] = 0.0
+    if len(lags) > 1 or degree > 2:
         return found
     size, radius = np.abs(fit.gamma) * (1 + 1e-15), fit.radius * (1 + 1e-15)
     most, least = size + radius, np.maximum(np.abs(fit.gamma) * (1 - 1e-15) - radius, 0.0)
     sums = {power: np.zeros(count) for power in (0, 1, 2)}
     for place, column in enumerate(parts.columns, past):
         sums[column.power] += most[:, place]
-    degree = max(column.power for column in parts.columns)
     top = [column.power for column in parts.columns].index(degree) + past
     y = np.abs(formulation.data.y[:, 0]) + _row_noise(formulation)
-    for k in range(parts.initial):
+    for k in range(unknown):
         row = k + min(lags)
         needed = y[row - past : row + 1] if row >= past and row < samples else np.full(1, np.nan)
         if np.any(np.isnan(needed)):
@@ -460,10 +518,11 @@ def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitte
                 root = right / low
             found[:, k] = np.where(root < _FAR, root * (1 + 1e-12), np.inf)
     far = np.abs(cells[:, :, 0]).max(axis=1)
-    for k in range(parts.initial, samples):
+    for k in range(unknown, samples if parts.initial else 0):
         with np.errstate(invalid="ignore"):
             found[:, k] = found[:, k - 1] * far * (1 + 1e-15)
-    return np.where(np.isnan(found) | ~fit.bounded[:, None], np.inf, found)
+    doubtful = np.isnan(found) | (~fit.bounded[:, None] & (found > 0.0))
+    return np.where(doubtful, np.inf, found)
 
 
 def _factor(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:

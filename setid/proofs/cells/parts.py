@@ -12,7 +12,7 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
 
-__all__ = ["Column", "Parts", "can_start", "parts_of"]
+__all__ = ["Column", "Parts", "begun", "can_start", "parts_of"]
 
 Reals = NDArray[np.float64]
 
@@ -33,12 +33,13 @@ class Parts(NamedTuple):
     poles: tuple[str, ...]
     words: tuple[tuple[str, ...], ...]  # products of parameters, one a coordinate
     constants: Reals  # and what else multiplies them
-    drives: Reals  # (q, N)
+    drives: Reals  # (q, N): of the words, then impulses for samples that are coordinates
     drive_noise: Reals  # (q, N)
     past: tuple[str, ...]  # denominator of H
     numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
     columns: tuple[Column, ...]
     initial: int  # unknown first samples of z
+    begin: int = 0  # the sample of z before which nothing is said of it
 
 
 def parts_of(formulation: Formulation) -> Parts | None:
@@ -94,6 +95,27 @@ def can_start(parts: Parts) -> bool:
     """
     powers = {column.power for column in parts.columns}
     return not parts.initial or (len(parts.poles) == 1 and max(powers) in (1, 2))
+
+
+def begun(parts: Parts) -> Parts:
+    """Take the last unknown samples of z as coordinates, from which on it follows.
+
+    An impulse at such a sample stands for what came before: z_k + sum_i a_i z_(k-i) may be anything
+    there, and afterwards is what the inputs say. Samples before these are left out.
+
+    Parameters
+    ----------
+    parts : Parts
+        With unknown first samples.
+    """
+    order, samples = len(parts.poles), parts.drives.shape[1]
+    begin = parts.initial - order
+    return parts._replace(
+        drives=np.concatenate([parts.drives, np.eye(order, samples, begin)]),
+        drive_noise=np.concatenate([parts.drive_noise, np.zeros((order, samples))]),
+        initial=0,
+        begin=begin,
+    )
 
 
 Behind = tuple[str, tuple[str, ...], tuple[str, ...], tuple[Column, ...]]

@@ -12,7 +12,7 @@ import pytest
 import setid
 from setid.proofs.cells.arithmetic import CellRows
 from setid.proofs.cells.output_cells import CellBox, cell_box, drive_of
-from setid.proofs.cells.parts import can_start, parts_of
+from setid.proofs.cells.parts import begun, can_start, parts_of
 from setid.proofs.cells.unknown_start import depth, free_rows
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.outputs import recursion_of
@@ -267,8 +267,8 @@ def test_missing_readings_are_left_out() -> None:
     assert np.all((box.low <= z) & (z <= box.high))
 
 
-def test_a_square_that_may_vanish_leaves_the_signal_unbounded() -> None:
-    """z and -z - 1 / gamma2 have the same z + gamma2 z^2."""
+def test_a_square_that_may_vanish_bounds_the_signal_all_the_same() -> None:
+    """z and -z - 1 / gamma2 have the same z + gamma2 z^2, but not the same samples after them."""
     random, samples = np.random.default_rng(1), 50
     u, z, y = random.uniform(-1.0, 1.0, samples), np.zeros(samples), np.zeros(samples)
     for k in range(1, samples):
@@ -278,7 +278,69 @@ def test_a_square_that_may_vanish_leaves_the_signal_unbounded() -> None:
     box = cell_box(formulation, start_of(formulation))
     assert box is not None and not box.open
     assert box.lower[3] <= 0.0 <= box.upper[3]
-    assert np.all(np.isinf(box.low[:1])) and recursion_of(formulation, box) is None
+    assert np.all((box.low <= z) & (z <= box.high)) and np.max(box.high - box.low) < 1.0
+    assert recursion_of(formulation, box) is not None
+
+
+# ---- a first sample as a coordinate -------------------------------------------------------
+
+ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(1, 2, 1)
+POLES = setid.Box({"a1": (-0.8, -0.3)})
+STARTED = {  # structure, priors, poles and what follows, first samples of z
+    "weak square": (setid.Wiener(ONE, 2, "gamma1"), setid.Stable(), [-0.6, 0.5, 0.3], 0.4),
+    "cubic": (setid.Wiener(ONE, 3, "gamma1"), POLES, [-0.6, 0.5, 0.3, 0.1], -1.5),
+    "two numerators": (setid.Wiener(TWO, 2, "gamma1"), setid.Stable(), [-0.6, 0.5, 0.3, 0.3], 2.0),
+    "far": (setid.Wiener(ONE, 2, "gamma1"), setid.Stable(), [-0.6, 0.5, 0.3], 12.0),
+}
+
+
+def begun_anywhere(name: str, seed: int) -> tuple[setid.Formulation, np.ndarray, np.ndarray]:
+    model, priors, theta, start = STARTED[name]
+    random, samples = np.random.default_rng(seed), 60
+    u, z = random.uniform(-1.0, 1.0, samples), np.full(samples, start)
+    a, b = theta[0], theta[1 : 3 if name == "two numerators" else 2]
+    for k in range(len(b), samples):
+        z[k] = -a * z[k - 1] + sum(c * u[k - 1 - j] for j, c in enumerate(b))
+    powers = [1.0, *theta[1 + len(b) :]]
+    y = sum(g * z**p for p, g in enumerate(powers, 1)) + 0.01 * random.uniform(-1, 1, samples)
+    data = setid.IOData(u, y)
+    return setid.formulate(data, model, setid.Noise(output=0.01), priors), np.array(theta), z
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", STARTED)
+def test_boxes_hold_the_truth_whatever_the_first_samples_are(name: str, seed: int) -> None:
+    formulation, theta, z = begun_anywhere(name, seed)
+    box = cell_box(formulation, start_of(formulation))
+    assert box is not None and not box.open
+    assert np.all((box.lower <= theta) & (theta <= box.upper))
+    assert np.all((box.low <= z[: box.low.size]) & (z[: box.low.size] <= box.high))
+    assert np.all(np.isfinite([box.low, box.high]))
+    assert box.verify(formulation, start_of(formulation))
+    assert np.max(box.high[10:] - box.low[10:]) < 0.2 * np.ptp(z[10:])
+
+
+def test_a_map_whose_square_says_little_closes_from_anywhere() -> None:
+    """Combinations of rows alone leave gamma2 between -.6 and 3.3, and z without bounds."""
+    formulation, theta, _ = begun_anywhere("weak square", 1)
+    options = setid.Options(time_limit=60.0, progress=False)
+    found = setid.identify(
+        formulation.data, formulation.model, formulation.noise, setid.Stable(), options
+    )
+    assert found.status == setid.IntervalStatus.CERTIFIED
+    assert all(value in found.intervals[n] for n, value in zip(found.intervals, theta, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("poles", "possible"), [((-0.8, -0.3), True), ((-0.8, 0.0), False), ((-1.0, -0.3), False)]
+)
+def test_first_samples_are_no_coordinates_where_poles_may_be_at_zero_or_one(
+    poles: tuple[float, float], possible: bool
+) -> None:
+    """One row alone holds the first sample where a = 0; where a = -1 it is an offset of the map."""
+    data, model = begun_anywhere("cubic", 1)[0].data, STARTED["cubic"][0]
+    known = setid.formulate(data, model, setid.Noise(output=0.01), setid.Box({"a1": poles}))
+    assert (cell_box(known, start_of(known)) is not None) == possible
 
 
 def test_cubic_maps_and_blocks_of_order_two_ask_for_rest() -> None:
@@ -292,6 +354,16 @@ def test_cubic_maps_and_blocks_of_order_two_ask_for_rest() -> None:
         data, cascade(degree=3), setid.Noise(output=NOISE), setid.Stable(), QUICK
     )
     assert "initial='zero' where the record begins at rest" in found.notes[-1]
+
+
+def test_samples_before_the_drives_are_in_no_row() -> None:
+    formulation, _, z = begun_anywhere("two numerators", 1)
+    parts = parts_of(formulation)
+    assert parts is not None and (parts.initial, parts.begin) == (2, 0)
+    later = begun(parts)
+    assert (later.initial, later.begin, len(later.drives)) == (0, 1, 3)
+    assert np.array_equal(later.drives[2], np.eye(1, 60, 1)[0])
+    assert not later.drives[:2, :2].any()
 
 
 # ---- identification -----------------------------------------------------------------------
