@@ -86,8 +86,9 @@ def test_iterations_are_as_many_as_are_asked() -> None:
 def test_blocks_of_high_orders_keep_limits() -> None:
     x, y = sp.variables(2)
     problem = sp.Problem(x**4 - 3 * x * y + y**2, [x**2 + y**2 <= 2])
-    cliques, system = find_cliques(problem), generators.stacked(problem, np.zeros((0, 2), np.int64))
-    groups = block_groups(problem, cliques, 2, system, [problem.objective], True)
+    system = generators.stacked(problem, np.zeros((0, 2), np.int64))
+    cliques, asked = find_cliques(problem), [problem.objective]
+    groups = block_groups(problem, cliques, 2, system, asked, reduce=True, lean=False)
     assert groups
     for group in groups:
         if not group.free:
