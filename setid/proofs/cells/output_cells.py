@@ -35,7 +35,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
-from setid.proofs.cells.parts import Column, Parts, begun, can_start, parts_of
+from setid.proofs.cells.parts import Column, Parts, can_start, parts_of, with_impulses
 from setid.proofs.cells.unknown_start import depth, free_rows
 from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
@@ -131,8 +131,11 @@ def cell_box(
     found = _covered(parts, formulation, start, until, rounds) if can_start(parts) else None
     if parts.initial:
         hull, used = (start, 0) if found is None else (found.hull, found.rounds)
-        if np.all(hull[0] <= hull[1]) and _forgets(parts, formulation, hull):
-            found = _covered(begun(parts), formulation, hull, until, rounds - used, used) or found
+        if np.all(hull[0] <= hull[1]) and _poles_apart(parts, formulation, hull):
+            found = (
+                _covered(with_impulses(parts), formulation, hull, until, rounds - used, used)
+                or found
+            )
     if found is None:
         return None
     numbers = formulation.layout.group(parts.signal)
@@ -150,11 +153,11 @@ def cell_box(
     )
 
 
-def _forgets(parts: Parts, formulation: Formulation, hull: Reals) -> bool:
-    """Check that no pole is at 0 or at 1: near these, cells of a first sample stay open for ever.
+def _poles_apart(parts: Parts, formulation: Formulation, hull: Reals) -> bool:
+    """Check that no pole may be at 0 or at 1.
 
     With a pole at 0 one row alone holds the first sample, and at 1 it cannot be told from an offset
-    of the map.
+    of the map. Near these no cell of first samples is ever refuted.
     """
     number = {name: i for i, name in enumerate(formulation.parameters)}
     ends = hull[:, [number[name] for name in parts.poles]]
@@ -200,7 +203,7 @@ def _covered(
     known = ~np.isnan(data.y[:, 0])
     for lag in range(1, len(parts.past) + 1):
         known[lag:] &= ~np.isnan(data.y[:-lag, 0])
-    known = _with_combinations(parts, known)
+    known = _usable_rows(parts, known)
     if not np.any(np.abs(data.y[known, 0]) > noise[known]):
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
@@ -209,7 +212,7 @@ def _covered(
     return _Covering(parts, left, fit, kept, hull, spent + used)
 
 
-def _with_combinations(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _usable_rows(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Rows that hold known samples of z, or can be combined with those before them."""
     lags = [column.lag for column in parts.columns]
     if len(parts.drives) > len(parts.words):

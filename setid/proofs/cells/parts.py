@@ -12,7 +12,7 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
 
-__all__ = ["Column", "Parts", "begun", "can_start", "parts_of"]
+__all__ = ["Column", "Parts", "can_start", "parts_of", "with_impulses"]
 
 Reals = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def can_start(parts: Parts) -> bool:
     return not parts.initial or (len(parts.poles) == 1 and max(powers) in (1, 2))
 
 
-def begun(parts: Parts) -> Parts:
+def with_impulses(parts: Parts) -> Parts:
     """Take the last unknown samples of z as coordinates, from which on it follows.
 
     An impulse at such a sample stands for what came before: z_k + sum_i a_i z_(k-i) may be anything

@@ -12,7 +12,7 @@ import pytest
 import setid
 from setid.proofs.cells.arithmetic import CellRows
 from setid.proofs.cells.output_cells import CellBox, cell_box, drive_of
-from setid.proofs.cells.parts import begun, can_start, parts_of
+from setid.proofs.cells.parts import can_start, parts_of, with_impulses
 from setid.proofs.cells.unknown_start import depth, free_rows
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.outputs import recursion_of
@@ -360,7 +360,7 @@ def test_samples_before_the_drives_are_in_no_row() -> None:
     formulation, _, z = begun_anywhere("two numerators", 1)
     parts = parts_of(formulation)
     assert parts is not None and (parts.initial, parts.begin) == (2, 0)
-    later = begun(parts)
+    later = with_impulses(parts)
     assert (later.initial, later.begin, len(later.drives)) == (0, 1, 3)
     assert np.array_equal(later.drives[2], np.eye(1, 60, 1)[0])
     assert not later.drives[:2, :2].any()
