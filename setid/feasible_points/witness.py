@@ -188,7 +188,7 @@ def consistent(
     formulation : Formulation
     theta : array_like (p,) or mapping of names to numbers
     near : (n,) float, optional
-        Unknowns that may be a witness already, with these parameters.
+        Unknowns that may be a witness already; of other parameters they are none.
 
     Returns
     -------
@@ -196,8 +196,11 @@ def consistent(
         A witness, noise included, near which a consistent one provably exists with exactly
         these parameters; None where no proof was found.
     """
-    if near is not None and (found := _proved_near(formulation, near)) is not None:
-        return found
+    p = len(formulation.parameters)
+    if near is not None and np.array_equal(near[:p], formulation.parameter_vector(theta)):
+        found = _proved_near(formulation, near)
+        if found is not None:
+            return found
     try:
         witness = least_noise(formulation, theta)
     except ModelError:

@@ -156,8 +156,8 @@ def cell_box(
 def _poles_apart(parts: Parts, formulation: Formulation, hull: Reals) -> bool:
     """Check that no pole may be at 0 or at 1.
 
-    With a pole at 0 one row alone holds the first sample, and at 1 it cannot be told from an offset
-    of the map. Near these no cell of first samples is ever refuted.
+    With a pole at 0 one row alone holds the first sample, and at 1 it is like an offset of the map.
+    Near these no cell of first samples is ever refuted.
     """
     number = {name: i for i, name in enumerate(formulation.parameters)}
     ends = hull[:, [number[name] for name in parts.poles]]
@@ -213,9 +213,9 @@ def _covered(
 
 
 def _usable_rows(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Rows that hold known samples of z, or can be combined with those before them."""
+    """Mark rows that hold known samples of z, or can be combined with those before them."""
     lags = [column.lag for column in parts.columns]
-    if len(parts.drives) > len(parts.words):
+    if parts.begin is not None:
         known = known.copy()
         known[: max(parts.begin + max(lags), len(parts.past))] = False
     if not parts.initial:
@@ -495,7 +495,7 @@ def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitte
     found, past = np.full((count, samples), np.inf), len(parts.past)
     lags = {column.lag for column in parts.columns}
     degree = max(column.power for column in parts.columns)
-    unknown = parts.initial or parts.begin
+    unknown = parts.initial or parts.begin or 0
     if not parts.initial:
         found[:, unknown:] = 0.0
     if len(lags) > 1 or degree > 2:

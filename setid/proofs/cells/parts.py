@@ -39,7 +39,7 @@ class Parts(NamedTuple):
     numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
     columns: tuple[Column, ...]
     initial: int  # unknown first samples of z
-    begin: int = 0  # the sample of z before which nothing is said of it
+    begin: int | None = None  # with impulses: the sample of z before which nothing is said of it
 
 
 def parts_of(formulation: Formulation) -> Parts | None:

@@ -119,6 +119,7 @@ def test_samples_of_unknown_value_take_part_with_their_range() -> None:
     )
     assert np.flatnonzero(np.isnan(without.low[:, 0])).tolist() == [0, 1, 20, 21, 22]
     assert (ranged.reading_high - ranged.reading_low)[21] > 2 * 3.0
+    assert ranged.low[21] == ranged.reading_low[21] and ranged.high[21] == ranged.reading_high[21]
     assert ranged.reading_low[21] <= data.y[21] <= ranged.reading_high[21]
 
 
@@ -199,6 +200,20 @@ def test_predictions_are_those_of_the_readings_whatever_their_noise() -> None:
     assert (band.low[1:, 0] <= expected).all() and (expected <= band.high[1:, 0]).all()
     assert (band.high - band.low)[1:].max() < 0.01
     assert band.nominal[1:, 0] == pytest.approx(expected) and not len(band.outside)
+
+
+def test_noisy_powers_without_a_parameter_do_not_move_predictions() -> None:
+    """y(k) = gamma1 u(k-1) + u(k-1)^2: no parameter multiplies the square."""
+    u = np.random.default_rng(0).uniform(-2, 2, 30)
+    blocks = {("y1", "w"): setid.TransferFunction(0, 1, 1)}
+    maps = {"w": setid.StaticMap("u1", 2)}
+    model = setid.BlockStructured(blocks, maps, normalise=["b[y1,w]1", "gamma2"])
+    y = np.append(0.0, u[:-1] + u[:-1] ** 2)
+    known = setid.formulate(setid.IOData(u, y), model, setid.Noise(input=0.1))
+    assert known.parameters == ("gamma1",)
+    band = predict(identified(known, [(1.0, 1.0)]))
+    assert band.low[1:, 0] == pytest.approx(y[1:]) and band.high[1:, 0] == pytest.approx(y[1:])
+    assert not len(band.outside)
 
 
 def test_residuals_keep_the_rows_that_priors_add() -> None:

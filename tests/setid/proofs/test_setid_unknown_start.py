@@ -356,10 +356,26 @@ def test_cubic_maps_and_blocks_of_order_two_ask_for_rest() -> None:
     assert "initial='zero' where the record begins at rest" in found.notes[-1]
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_blocks_without_poles_forget_their_first_samples(seed: int) -> None:
+    """z_0 and z_1 rest on inputs before the record, and no impulse stands for them."""
+    random, samples = np.random.default_rng(seed), 40
+    u, z = random.uniform(-1.0, 1.0, samples), random.uniform(-3.0, 3.0, samples)
+    z[2:] = 0.8 * u[1:-1] - 0.5 * u[:-2]
+    y = z + 0.3 * z**2 + 0.01 * random.uniform(-1.0, 1.0, samples)
+    model = setid.Wiener(setid.TransferFunction(0, 2, 1), 2, "gamma1")
+    formulation = setid.formulate(setid.IOData(u, y), model, setid.Noise(output=0.01))
+    box = cell_box(formulation, start_of(formulation))
+    assert box is not None and not box.open
+    theta = np.array([0.8, -0.5, 0.3])
+    assert np.all((box.lower <= theta) & (theta <= box.upper))
+    assert np.all((box.low <= z) & (z <= box.high))
+
+
 def test_samples_before_the_drives_are_in_no_row() -> None:
     formulation, _, z = begun_anywhere("two numerators", 1)
     parts = parts_of(formulation)
-    assert parts is not None and (parts.initial, parts.begin) == (2, 0)
+    assert parts is not None and (parts.initial, parts.begin) == (2, None)
     later = with_impulses(parts)
     assert (later.initial, later.begin, len(later.drives)) == (0, 1, 3)
     assert np.array_equal(later.drives[2], np.eye(1, 60, 1)[0])

@@ -32,7 +32,7 @@ def record(bound: float) -> setid.IOData:
 
 
 def test_a_page_is_complete_in_itself(tmp_path: Path) -> None:
-    pytest.importorskip("jinja2")
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     data = record(0.05)
     result = setid.identify(data, MODEL, setid.Noise(equation=0.05), [setid.Stable()])
     path = result.report(tmp_path / "out.html", data.split(20)[1])
@@ -61,7 +61,7 @@ def captions(path: Path) -> list[str]:
 
 
 def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
-    pytest.importorskip("jinja2")
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     model, noise = setid.TransferFunction(1, 1, 1, inputs=2), setid.Noise(output=0.05)
     u = np.random.default_rng(0).uniform(-1, 1, (30, 2))
     data = setid.simulate_record(model, [-0.7, -0.4, 0.5, -0.8], u, noise, 1).data
@@ -74,7 +74,7 @@ def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
 
 
 def test_a_page_on_blocks_shows_their_maps_and_what_is_sampled(tmp_path: Path) -> None:
-    pytest.importorskip("jinja2")
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     linear, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05)
     options = setid.Options(time_limit=5.0, progress=False)
     u = np.random.default_rng(0).uniform(-1, 1, (25, 1))
@@ -98,7 +98,7 @@ def test_limits_of_pages_are_checked_first(tmp_path: Path, limit: Any) -> None:
 
 
 def test_an_empty_set_gets_a_page_that_says_so(tmp_path: Path) -> None:
-    pytest.importorskip("jinja2")
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     result = setid.identify(record(0.5), MODEL, setid.Noise(equation=0.05))
     text = result.report(tmp_path / "out.html").read_text(encoding="utf-8")
     assert "samples that contradict each other" in text and 'id="bands"' not in text
