@@ -207,7 +207,7 @@ def test_noisy_powers_without_a_parameter_do_not_move_predictions() -> None:
     u = np.random.default_rng(0).uniform(-2, 2, 30)
     blocks = {("y1", "w"): setid.TransferFunction(0, 1, 1)}
     maps = {"w": setid.StaticMap("u1", 2)}
-    model = setid.BlockStructured(blocks, maps, normalise=["b[y1,w]1", "gamma2"])
+    model = setid.BlockStructured(blocks, maps, normalise=["b1", "gamma2"])
     y = np.append(0.0, u[:-1] + u[:-1] ** 2)
     known = setid.formulate(setid.IOData(u, y), model, setid.Noise(input=0.1))
     assert known.parameters == ("gamma1",)
