@@ -126,7 +126,7 @@ def cell_box(
         Whether samples of the internal signal are bounded.
     """
     parts = parts_of(formulation)
-    if parts is None:
+    if parts is None or parts.signal not in formulation.layout.groups:  # or the signal is known
         return None
     found = _covered(parts, formulation, start, until, rounds) if can_start(parts) else None
     if parts.initial:

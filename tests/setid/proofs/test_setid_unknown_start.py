@@ -372,6 +372,23 @@ def test_blocks_without_poles_forget_their_first_samples(seed: int) -> None:
     assert np.all((box.low <= z) & (z <= box.high))
 
 
+@pytest.mark.parametrize("initial", ["free", "zero"])
+def test_blocks_without_parameters_need_no_cells(initial: str) -> None:
+    """A delay before the map: its signal is no unknown, and rows in the parameters say all."""
+    delay, behind = setid.TransferFunction(0, 1, 1), setid.TransferFunction(1, 1, 1)
+    blocks, maps = {("z", "u1"): delay, ("y1", "w"): behind}, {"w": setid.StaticMap("z", 2)}
+    names = ["b[z,u1]1", "gamma1"]
+    model = setid.BlockStructured(blocks, maps, normalise=names, initial=initial)
+    u, noise = np.random.default_rng(0).uniform(-1, 1, (40, 1)), setid.Noise(output=0.01)
+    theta = {"a[y1,w]1": -0.5, "b[y1,w]1": 0.8, "gamma2": 0.3}
+    data = setid.simulate_record(model, [theta[n] for n in model.parameters], u, noise).data
+    formulation = setid.formulate(data, model, noise, setid.Stable())
+    assert cell_box(formulation, start_of(formulation)) is None
+    found = setid.identify(data, model, noise, setid.Stable(), QUICK)
+    assert all(value in found.intervals[name] for name, value in theta.items())
+    assert all(np.isfinite(item.outer).all() for item in found.intervals.values())
+
+
 def test_samples_before_the_drives_are_in_no_row() -> None:
     formulation, _, z = begun_anywhere("two numerators", 1)
     parts = parts_of(formulation)
