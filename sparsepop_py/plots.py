@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.errors import FormatError, SolverNotFound
+from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound
 from sparsepop_py.files import as_path, write_file
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
@@ -70,9 +70,16 @@ def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 5.2)) -> Axes:
     ax : matplotlib Axes or None
     size : (float, float)
         Of a new figure, in inches.
+
+    Raises
+    ------
+    ProblemError
+        If ``ax`` is something else.
     """
     pyplot = require_matplotlib()
     if ax is not None:
+        if not isinstance(ax, pyplot.Axes):
+            raise ProblemError(f"ax: found {type(ax).__name__}, expected Axes of matplotlib")
         return ax
     return pyplot.subplots(figsize=size, layout="constrained")[1]
 

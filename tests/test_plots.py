@@ -55,6 +55,11 @@ def test_axes_are_taken_and_returned() -> None:
     assert isinstance(sp.solve(disc()).plot(), Axes)
 
 
+def test_what_is_no_axes_is_refused() -> None:
+    with pytest.raises(sp.ProblemError, match="ax: found str, expected Axes of matplotlib"):
+        sp.solve(disc()).plot("bode")
+
+
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_names_are_no_mathematics(n: int) -> None:
     names = [r"$\foo$", "a$b$", r"\$"][:n]

@@ -23,6 +23,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.identify import identify
 from setid.models.lti import TransferFunction
 from setid.options import Options
+from setid.plots.axes import new_axes
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, parameters
 from setid.priors.transfer import Stable
@@ -33,7 +34,6 @@ from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from setid.result.json_parts import read, write
 from sparsepop_py.io.json_files.codecs import parsed
-from sparsepop_py.plots import new_axes
 
 __all__ = [
     "Box",

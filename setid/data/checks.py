@@ -32,7 +32,7 @@ __all__ = [
 K = TypeVar("K")
 V = TypeVar("V")
 
-MOST_TERMS = 1_000_000  # orders, channels and exponents of a structure
+MOST_TERMS = 100_000  # orders, channels and exponents of a structure
 
 
 class FrozenMapping(Mapping[K, V]):

@@ -54,7 +54,7 @@ def plan(
         One an equation. Definitions without parameters (products of signals) get rows
         only where some other row uses them.
     """
-    everywhere = np.ones(data.samples, bool)
+    everywhere, first = np.ones(data.samples, bool), data.first
     known = dict(usable)
     exists = {signal: everywhere for signal in known}
     plans = []
@@ -65,8 +65,8 @@ def plan(
             known[defined] = exists[defined] = everywhere
         possible, whole = everywhere, everywhere
         for factor in {s for t in equation.terms for s in t.signals}:
-            possible = possible & _before(exists[factor.signal], factor.lag, data, initial)
-            whole = whole & _before(known[factor.signal], factor.lag, data, "zero")
+            possible = possible & _before(exists[factor.signal], factor.lag, first, initial)
+            whole = whole & _before(known[factor.signal], factor.lag, first, "zero")
         rows = np.flatnonzero(possible & whole)
         if internal and _static(equation):
             exists[defined], known[defined] = possible, possible & whole
@@ -74,10 +74,10 @@ def plan(
     return _pruned(plans, data, usable)
 
 
-def _before(mask: Mask, lag: int, data: IOData, initial: Initial) -> Mask:
+def _before(mask: Mask, lag: int, first: Integers, initial: Initial) -> Mask:
     """The mask ``lag`` samples earlier in the same record; before it: whether zero is legal."""
-    place = np.arange(data.samples) - lag
-    inside = place >= data.first
+    place = np.arange(mask.size) - lag
+    inside = place >= first
     return np.where(inside, mask[np.where(inside, place, 0)], initial == "zero")
 
 
@@ -107,10 +107,11 @@ def _recursive(equation: Equation) -> bool:
 
 
 def _mark(item: Planned, data: IOData, used: dict[str, Mask]) -> None:
+    first = data.first[item.rows]
     for factor in {s for t in item.equation.terms for s in t.signals}:
         mask = used.setdefault(factor.signal, np.zeros(data.samples, bool))
         place = item.rows - factor.lag
-        mask[place[place >= data.first[item.rows]]] = True
+        mask[place[place >= first]] = True
 
 
 def used_samples(plans: Sequence[Planned], data: IOData) -> dict[str, Mask]:

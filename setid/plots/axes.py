@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.errors import SetidError
-from sparsepop_py.plots import new_axes, plain, require_matplotlib
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.plots import new_axes as engine_axes
+from sparsepop_py.plots import plain, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +47,26 @@ def ink() -> str:
     return str(require_matplotlib().rcParams["text.color"])
 
 
+def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 5.2)) -> Axes:
+    """Take the given axes, or make those of a new figure.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes or None
+    size : (float, float)
+        Of a new figure, in inches.
+
+    Raises
+    ------
+    SetidError
+        If ``ax`` is something else.
+    """
+    try:
+        return engine_axes(ax, size)
+    except ProblemError as error:
+        raise SetidError(str(error)) from None
+
+
 def stacked_axes(ax: Any, count: int, height: float) -> NDArray[Any]:
     """Take the given axes, or make axes one below the other.
 
@@ -59,14 +81,14 @@ def stacked_axes(ax: Any, count: int, height: float) -> NDArray[Any]:
     Raises
     ------
     SetidError
-        If there are more or fewer.
+        If there are more or fewer, or others than axes.
     """
     plt = require_matplotlib()
     if ax is not None:
         given = np.ravel(np.asarray(ax, object))
         if given.size != count:
             raise SetidError(f"ax: found {given.size} axes, expected {count}, one a channel")
-        return given
+        return np.array([new_axes(each) for each in given], object)
     size = (8.0, height * count + 0.8)
     _, grid = plt.subplots(count, 1, sharex=True, squeeze=False, figsize=size, layout="constrained")
     return np.asarray(grid[:, 0])

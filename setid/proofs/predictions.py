@@ -39,21 +39,23 @@ def predicted_ranges(
         Of readings, where the assumptions hold.
     """
     ranges = -supports(cover, rows.regressors, proposer)[:, ::-1]
-    width = _noise_width(cover, rows.radius, rows.radii)
-    known = rows.target - readings
-    size = np.abs(rows.target) + np.abs(readings) + width
 
     def shifted(values: Reals, side: float) -> Reals:
-        """Shift outwards, by more than is rounded here."""
-        return np.asarray(values - known + side * 4.0 * _EPS * (np.abs(values) + size), np.float64)
+        """Shift outwards, by more than is rounded here; to infinity where a sum overflows."""
+        found = values - known + side * 4.0 * _EPS * (np.abs(values) + size)
+        return np.where(np.isfinite(found), found, side * np.inf)
 
-    low, high = ranges[:, 0], ranges[:, 1]
-    return (
-        shifted(low, -1.0),
-        shifted(high, 1.0),
-        shifted(low - width, -1.0),
-        shifted(high + width, 1.0),
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        width = _noise_width(cover, rows.radius, rows.radii)
+        known = rows.target - readings
+        size = np.abs(rows.target) + np.abs(readings) + width
+        low, high = ranges[:, 0], ranges[:, 1]
+        return (
+            shifted(low, -1.0),
+            shifted(high, 1.0),
+            shifted(low - width, -1.0),
+            shifted(high + width, 1.0),
+        )
 
 
 def _noise_width(cover: Cover, radius: Reals, radii: Reals) -> Reals:

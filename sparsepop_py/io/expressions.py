@@ -422,7 +422,8 @@ class _Parser:
         kind, text, _ = self.tokens[self.at]
         if kind == "number":
             value = float(text)
-            if not math.isfinite(value):
+            vanished = value == 0.0 and re.search("[1-9]", text.lower().partition("e")[0])
+            if not math.isfinite(value) or vanished:
                 raise self.fail("a number that a double can hold")
             self.at += 1
             return int(value) if value.is_integer() else Fraction(value)

@@ -78,8 +78,8 @@ def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUn
         restated = [_restated(row.polynomial, units) for row in problem.constraints]
         objective, factor = _balanced(_restated(problem.objective, units))
         balanced = [_balanced(polynomial)[0] for polynomial in restated]
-    exact = np.array_equal(lower * units, problem.lower)
-    exact &= np.array_equal(upper * units, problem.upper)
+        exact = np.array_equal(lower * units, problem.lower)
+        exact &= np.array_equal(upper * units, problem.upper)
     exact &= bool(np.all((units > _SMALL) & (units < _LARGE)))
     # a product that was rounded as a subnormal looks ordinary once it is balanced
     if not exact or not all(map(_safe, [*restated, *balanced, objective])):
@@ -96,7 +96,8 @@ def _units(problem: Problem, sizes: NDArray[np.float64] | None) -> Reals:
     if sizes is not None:
         size[: sizes.size] = np.maximum(size[: sizes.size], sizes)
     power = np.frexp(np.where(size > 0, size, 1.0))[1]
-    return frozen(np.ldexp(1.0, _COARSE * np.round(power / _COARSE).astype(int)))
+    with np.errstate(over="ignore"):  # units that no double holds are refused
+        return frozen(np.ldexp(1.0, _COARSE * np.round(power / _COARSE).astype(int)))
 
 
 def _restated(polynomial: Polynomial, units: Reals) -> Polynomial:

@@ -42,7 +42,8 @@ def _left_inverse(rows: UncertainRows) -> LeftInverse | None:
     count, p = rows.regressors.shape
     if count < p:
         return None
-    weight = 1.0 / np.maximum(rows.radius + rows.radii @ np.ones(p), 1e-300)
+    with np.errstate(over="ignore"):
+        weight = 1.0 / np.maximum(rows.radius + rows.radii @ np.ones(p), 1e-300)
     for power in (0.0, 0.5, 1.0):
         scale = weight**power
         with np.errstate(all="ignore"):

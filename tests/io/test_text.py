@@ -88,6 +88,7 @@ def test_expressions(text: str, expected: dict[tuple[int, ...], float]) -> None:
         ("min x1 ? x2", "found '?'"),
         ("min x1, x2", "found ','"),
         ("min 1e400*x1", "found '1e400', expected a number that a double can hold"),
+        ("min x1;\n x1 >= 1e-400", "found '1e-400', expected a number that a double can hold"),
         ("min 1e200*1e200*x1", "coefficient that overflows"),
         ("min (-8)^(1/3)*x1", "finite real number"),
         ("min " + "(" * 101 + "x1" + ")" * 101, "at most 100 nested parentheses"),

@@ -6,6 +6,8 @@ prod A_i y = sum_i B_i prod_{j != i} A_j u_i + prod A_i eta.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identified_cases import identified
@@ -15,6 +17,9 @@ import setid
 from setid.bands.outputs import compare, predict
 from setid.bands.residuals import residuals
 from setid.feasible_points.members import nominal
+from setid.feasible_set.coordinates import coordinates_of
+from setid.feasible_set.proposer import Proposer
+from setid.proofs.predictions import predicted_ranges
 
 Reals = NDArray[np.float64]
 TWO_INPUTS = setid.TransferFunction(na=1, nb=1, nk=1, inputs=2)
@@ -230,3 +235,14 @@ def test_residuals_keep_the_rows_that_priors_add() -> None:
 def test_residuals_beyond_the_numbers_are_outside(result: setid.Identification) -> None:
     found = residuals(result, [1e200] * 4)
     assert found.outside.size == found.values.size
+
+
+def test_readings_beyond_the_numbers_have_no_bound(result: setid.Identification) -> None:
+    coordinates = coordinates_of(TWO_INPUTS, "no rows")
+    rows = coordinates.rows(result.formulation)
+    far = replace(rows, target=1e308 + rows.target, radius=1e308 + rows.radius)
+    found = predicted_ranges(coordinates.cover(result), far, -far.target, Proposer)
+    low, high, least, most = found
+    assert (least <= low).all() and (high <= most).all()
+    assert not np.isfinite(least).any() and not np.isfinite(most).any()
+    assert not np.isposinf(low).any() and not np.isneginf(high).any()

@@ -41,6 +41,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: setid.Box({"a1": (0, 10**400)}),
         "a1: high: found a number beyond all doubles",
     ),
+    "an order beyond any record": (
+        lambda: setid.TransferFunction(10**6, 1),
+        "na: found 1000000, expected at most 100000",
+    ),
     "no list of sets": (lambda: setid.Noise(constraints=3), "constraints: found int"),
     "a class": (
         lambda: setid.identify(DATA, setid.TransferFunction, NOISE),

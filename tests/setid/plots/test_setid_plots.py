@@ -122,6 +122,12 @@ def test_steps_records_and_residuals(result: setid.Identification) -> None:
     assert residuals(result).plot().get_ylabel() == "residual / bound"
 
 
+def test_what_is_no_axes_is_refused(result: setid.Identification) -> None:
+    for draw in (result.plot, step_band(result, 20).plot, simulate_band(result).plot):
+        with pytest.raises(setid.SetidError, match="ax: found str, expected Axes of matplotlib"):
+            draw("bode")
+
+
 def test_projections(result: setid.Identification) -> None:
     ax = project(result, "a1", "b1").plot()
     assert legend(ax) == {"exact", "attained"}
