@@ -29,6 +29,7 @@ from setid.formulation.regression import Regression
 from setid.models.continuous import at_rate
 from setid.models.equations import Structure
 from setid.simulation.responses import begun, run
+from setid.simulation.simulate import leading
 
 __all__ = ["BestMember", "Goal", "best", "fit", "predicted", "simulated", "started"]
 
@@ -102,8 +103,8 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
     Returns
     -------
     BestMember
-        Of a local search: for predictions with equation errors it is the best one (a convex
-        program), otherwise a better one may exist.
+        Of a local search: for predictions in discrete time with equation errors it is the best
+        one (a convex program), otherwise a better one may exist.
 
     Raises
     ------
@@ -235,14 +236,24 @@ def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
     rows, coordinates = _rows(model, data)
     found = np.full(data.y.shape, np.nan)
     place = rows.row, rows.output - 1
-    found[place] = data.y[place] - (rows.target + rows.regressors @ coordinates.values(theta))
+    found[place] = data.y[place] - _beyond(rows, coordinates, theta)
     return found
 
 
 def _rows(model: Structure, data: IOData) -> tuple[Regression, Coordinates]:
     """Equations of the readings as if exact, and what they are linear in."""
+    model = at_rate(model, data.Ts)
     coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
-    return coordinates.rows_of_readings(data, at_rate(model, data.Ts)), coordinates
+    return coordinates.rows_of_readings(data, model), coordinates
+
+
+def _beyond(rows: Regression, coordinates: Coordinates, theta: Reals) -> Reals:
+    """What readings exceed their predictions by: equations are solved for the newest sample."""
+    values = coordinates.values(theta)
+    named = dict(zip(coordinates.names, values.tolist(), strict=True))
+    factors = {e.output: leading(e, named) for e in coordinates.equations if e.implicit}
+    own = np.array([factors.get(output, 1.0) for output in range(int(rows.output.max()))])
+    return np.asarray((rows.target + rows.regressors @ values) / own[rows.output - 1], np.float64)
 
 
 # ---- what is made small -----------------------------------------------------------------
@@ -253,9 +264,15 @@ def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
     data, model = result.formulation.data, result.formulation.model
     if word(goal, "goal", ("simulation", "prediction"), SetidError) == "prediction":
         rows, coordinates = _rows(model, data)
-        return lambda theta: np.asarray(
-            rows.target + rows.regressors @ coordinates.values(theta), np.float64
-        )
+
+        def beyond(theta: Reals) -> Reals:
+            try:
+                found = _beyond(rows, coordinates, theta)
+            except ModelError:
+                return np.full(rows.target.size, _HUGE)
+            return found.clip(-_HUGE, _HUGE)
+
+        return beyond
     counted = ~np.isnan(data.y) & ~started(model, data)[:, None]
 
     def errors(theta: Reals) -> Reals:

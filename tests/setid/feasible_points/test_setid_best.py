@@ -5,10 +5,11 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear, minimize
 
 import setid
-from setid.feasible_points.best import best
+from setid.feasible_points.best import best, predicted
 from setid.feasible_points.members import is_member, members
 from setid.formulation.regression import regression_of_data
 from setid.simulation.responses import run
@@ -121,3 +122,31 @@ def test_comparison_shows_the_fits_of_member_centre_and_least_squares() -> None:
 def test_a_goal_that_does_not_exist_is_refused() -> None:
     with pytest.raises(setid.SetidError, match="goal: found 'fit'"):
         best(biased(), "fit")  # type: ignore[arg-type]
+
+
+def test_predictions_in_continuous_time_do_not_know_the_reading_they_predict() -> None:
+    model = setid.ContinuousTransferFunction(2, 1, Ts=0.2)
+    truth = np.array([1.2, 2.0, 0.5, 2.0])
+    u = np.random.default_rng(0).uniform(-1, 1, 40)
+    data = setid.simulate_record(model, truth, u, setid.Noise(), seed=0).data
+    assert predicted(model, truth, data)[4:] == pytest.approx(data.y[4:])  # nothing is lost
+    y = data.y.copy()
+    y[20] += 5.0
+    moved = predicted(model, truth, setid.IOData(data.u, y)) - predicted(model, truth, data)
+    assert abs(moved[20]) < 1e-12 < abs(moved[21])
+
+
+def test_the_best_predictor_in_continuous_time_predicts_better_than_members() -> None:
+    model, noise = setid.ContinuousTransferFunction(2, 1, Ts=0.2), setid.Noise(output=0.05)
+    u = np.random.default_rng(0).uniform(-1, 1, 40)
+    data = setid.simulate_record(model, [1.2, 2.0, 0.5, 2.0], u, noise, seed=0).data
+    options = setid.Options(time_limit=5.0, progress=False)
+    result = setid.identify(setid.IOData(u, data.y, Ts=0.2), model, noise, setid.Stable(), options)
+    found = best(result, "prediction")
+
+    def error(theta: NDArray[np.float64]) -> float:
+        return float(np.sqrt(np.nanmean((data.y - predicted(model, theta, data)) ** 2)))
+
+    assert is_member(result.formulation, found.theta)
+    assert found.error == pytest.approx(error(found.theta))
+    assert found.error <= min(error(theta) for theta in members(result, 50))
