@@ -15,6 +15,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
+from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure, Term, channel_of
 
 __all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
@@ -102,7 +103,7 @@ def simulate_record(
     u: ArrayLike,
     noise: Noise,
     seed: int | np.random.Generator = 0,
-    Ts: float = 1.0,
+    Ts: float | None = None,
 ) -> Simulated:
     """Simulate a record with uniform noise within its bounds; return the truth behind it too.
 
@@ -115,7 +116,13 @@ def simulate_record(
     noise : Noise
         Absolute bounds; sets over the record are not simulated.
     seed : int or numpy.random.Generator
-    Ts : float
+    Ts : float, optional
+        Sampling interval; that of a continuous-time structure, or 1, when left out.
+
+    Raises
+    ------
+    SetidError
+        If something does not fit the structure.
 
     Examples
     --------
@@ -134,13 +141,16 @@ def simulate_record(
     generator = np.random.default_rng(seed)
     inputs = _inputs(model, u)
     values = _values(model, theta)
-    blank = IOData(inputs, np.zeros((inputs.shape[0], model.outputs)), Ts)
+    own = model.Ts if isinstance(model, ContinuousTransferFunction) else None
+    interval = (own or 1.0) if Ts is None else Ts
+    model = model if Ts is None else at_rate(model, Ts)
+    blank = IOData(inputs, np.zeros((inputs.shape[0], model.outputs)), interval)
     eta, xi, e = (generator.uniform(-bound, bound) for bound in noise.bounds(blank))
     found = _simulate(model, values, inputs, e)
     outputs = np.stack([found[f"y{i + 1}"] for i in range(model.outputs)], axis=1)
     internal = {name: frozen(v) for name, v in found.items() if channel_of(name) is None}
     return Simulated(
-        IOData(inputs + xi, outputs + eta, Ts),
+        IOData(inputs + xi, outputs + eta, interval),
         FrozenMapping(values),
         frozen(inputs),
         frozen(outputs),

@@ -296,3 +296,13 @@ def test_the_structure_loop_finds_the_order() -> None:
     )
     assert [step.decision for step in found.steps] == ["refuted", "kept"]
     assert found.result is not None and holds_truth(found.result)
+
+
+def test_simulated_records_have_the_interval_of_their_structure() -> None:
+    fixed, free, quiet = C(1, 0, Ts=0.2), C(1, 0), setid.Noise()
+    one = setid.simulate_record(fixed, [1.0, 2.0], [1.0, 0.0, 0.0], quiet)
+    two = setid.simulate_record(free, [1.0, 2.0], [1.0, 0.0, 0.0], quiet, Ts=0.2)
+    assert one.data.Ts == two.data.Ts == 0.2
+    assert one.output == pytest.approx(two.output)
+    with pytest.raises(setid.ModelError, match="Ts: found 0.2 in the model, expected 0.5"):
+        setid.simulate_record(fixed, [1.0, 2.0], [1.0, 0.0, 0.0], quiet, Ts=0.5)

@@ -132,7 +132,7 @@ def test_predictions_in_continuous_time_do_not_know_the_reading_they_predict() -
     assert predicted(model, truth, data)[4:] == pytest.approx(data.y[4:])  # nothing is lost
     y = data.y.copy()
     y[20] += 5.0
-    moved = predicted(model, truth, setid.IOData(data.u, y)) - predicted(model, truth, data)
+    moved = predicted(model, truth, setid.IOData(data.u, y, 0.2)) - predicted(model, truth, data)
     assert abs(moved[20]) < 1e-12 < abs(moved[21])
 
 
@@ -141,7 +141,7 @@ def test_the_best_predictor_in_continuous_time_predicts_better_than_members() ->
     u = np.random.default_rng(0).uniform(-1, 1, 40)
     data = setid.simulate_record(model, [1.2, 2.0, 0.5, 2.0], u, noise, seed=0).data
     options = setid.Options(time_limit=5.0, progress=False)
-    result = setid.identify(setid.IOData(u, data.y, Ts=0.2), model, noise, setid.Stable(), options)
+    result = setid.identify(data, model, noise, setid.Stable(), options)
     found = best(result, "prediction")
 
     def error(theta: NDArray[np.float64]) -> float:
