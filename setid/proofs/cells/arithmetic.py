@@ -21,6 +21,7 @@ __all__ = ["CellRows", "Enclosed", "Fitted", "enclosed", "fitted", "rows_of"]
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-11  # more than the rounding of sums of positive numbers
+_RIDGE = 1e-13  # added to normal equations, so that dependent columns have an answer
 _EXACT = 1e-8  # of the largest error of a row: less counts as this in weights
 
 
@@ -54,6 +55,12 @@ class CellRows(NamedTuple):
     noise: Reals
     shape: Reals | None = None
     shared: Reals | None = None
+
+    def of(self, cells: NDArray[np.int64]) -> CellRows:
+        """Take the rows of some cells."""
+        shape = None if self.shape is None else self.shape[cells]
+        parts = (each[cells] for each in (self.matrix, self.wide, self.y, self.noise))
+        return CellRows(*parts, shape, self.shared)
 
     def errors(self, weights: Reals) -> tuple[Reals, Reals]:
         """Bound errors of columns (C, W, M) and readings (C, W) in combinations (C, W, R)."""
@@ -199,15 +206,20 @@ def fitted(given: CellRows) -> Fitted:
         gamma, inverse = _least_squares(matrix, trust, y)
     inverse = np.where(usable[:, None, :], inverse, 0.0)
     reach, bounded = _radius(inverse, given, gamma)
-    most = np.where(bounded[:, None], np.abs(gamma) + reach, np.inf)
-    empty, weight, fit = np.zeros(len(matrix), bool), trust, gamma
+    empty = np.zeros(len(matrix), bool)
+    left, weight, fit = np.flatnonzero(bounded), trust[bounded], gamma[bounded]
     for _ in range(4):  # residuals near their largest count most
-        rest = (y - np.einsum("ckm,cm->ck", matrix, fit)) / size
-        normal = _orthogonal(matrix, usable * weight * size * rest)
-        empty |= bounded & _contradicted(normal, given, most)
-        top = np.maximum(np.abs(rest * usable).max(axis=1, keepdims=True), 1e-300)
-        weight = weight * (np.abs(rest) / top + 3e-2) ** 2
-        fit = _least_squares(matrix, weight, y)[0]
+        if not left.size:
+            break
+        some, good, sizes = given.of(left), usable[left], size[left]
+        rest = (some.y - np.einsum("ckm,cm->ck", some.matrix, fit)) / sizes
+        normal = _orthogonal(some.matrix, good * weight * sizes * rest)
+        out = _contradicted(normal, some, np.abs(gamma[left]) + reach[left])
+        empty[left[out]] = True
+        top = np.maximum(np.abs(rest * good).max(axis=1, keepdims=True), 1e-300)
+        weight = (weight * (np.abs(rest) / top + 3e-2) ** 2)[~out]
+        left = left[~out]
+        fit = _least_squares(matrix[left], weight, y[left])[0]
     return Fitted(gamma, reach, bounded, empty)
 
 
@@ -258,13 +270,24 @@ def _least_squares(matrix: Reals, weight: Reals, y: Reals) -> tuple[Reals, Reals
     """Weighted fit in each cell, and the left inverse that gives it."""
     top = np.maximum(weight.max(axis=1, keepdims=True), 1e-300)
     root = np.sqrt(weight / top)[:, :, None]
-    inverse = np.linalg.pinv(matrix * root, rcond=1e-13) * root.transpose(0, 2, 1)
+    inverse = _left_inverses(matrix * root) * root.transpose(0, 2, 1)
     return np.einsum("cmk,ck->cm", inverse, y), inverse
+
+
+def _left_inverses(matrix: Reals) -> Reals:
+    """Left inverses, nearly: normal equations of columns of size 1, and a step of Newton's."""
+    size = np.sqrt(np.einsum("ckm,ckm->cm", matrix, matrix))
+    scale = 1.0 / np.where(size > 1e-150, size, 1.0)
+    scaled, unit = matrix * scale[:, None, :], np.eye(matrix.shape[2])
+    across = scaled.transpose(0, 2, 1)
+    inverse = np.linalg.inv(across @ scaled + _RIDGE * unit) @ across
+    inverse = inverse + (unit - inverse @ scaled) @ inverse
+    return np.asarray(inverse * scale[:, :, None], np.float64)
 
 
 def _orthogonal(matrix: Reals, raw: Reals) -> Reals:
     """Multipliers made orthogonal to the columns, nearly, of size 1."""
-    inverse = np.linalg.pinv(matrix, rcond=1e-13)
+    inverse = _left_inverses(matrix)
     for _ in range(2):
         part = np.einsum("cmk,ck->cm", inverse, raw)
         raw = raw - np.einsum("ckm,cm->ck", matrix, part)

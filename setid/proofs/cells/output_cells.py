@@ -23,7 +23,7 @@ Nothing here rests on a solver: every enclosure is computed with its rounding er
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
@@ -48,10 +48,13 @@ __all__ = ["CellBox", "cell_box", "drive_of"]
 Reals = NDArray[np.float64]
 
 
-_MOST = 20000  # cells at a time
-_MOST_FREE = 4000  # where rows share their noise, which takes more memory
+_MOST = 200_000  # cells
+_MOST_FREE = 40_000  # where rows share their noise, which takes more time
+_AT_ONCE = 4000  # cells in memory
+_AT_ONCE_FREE = 1000  # where rows share their noise
+_MOST_LEFT = 20_000  # cells in which parameters behind the map are bounded
 _ROUNDS = 60
-_PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine
+_PRUNING = (12, 24, 40)  # samples that decide about cells, at first and once cells are fine
 _NUMBERS = 400_000  # of slopes of the internal signal at a time, in all of its samples
 _FAR = 1e100  # of a signal: what says nothing
 _FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
@@ -268,6 +271,15 @@ def _measured(
     return found, given, fitted(given)
 
 
+def _fitted(parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray[Any]) -> Fitted:
+    """Bound coefficients of the map and of a block behind it, in each cell."""
+    found = [
+        _own(parts, part, _measured(parts, formulation, part, rows)[2])
+        for _, part in _portions(parts, cells)
+    ]
+    return Fitted(*(np.concatenate(each) for each in zip(*found, strict=True)))
+
+
 def _own(parts: Parts, cells: Reals, fit: Fitted) -> Fitted:
     """Coefficients of the map, where columns of rows that are combined have 1 + a times theirs."""
     if not parts.initial:
@@ -331,7 +343,7 @@ def _pruned(
         cells, spent = left, spent + used
         fit = None
         if len(left):
-            fit = _own(parts, left, _measured(parts, formulation, left, rows)[2])
+            fit = _fitted(parts, formulation, left, rows)
         if fit is None or not whole or known.size <= count or spent == rounds:
             break
     return cells, fit, spent
@@ -346,7 +358,6 @@ def _halved(
     rounds: int,
 ) -> tuple[Reals, int, bool]:
     """Halve cells until they are fine; return those left and the rounds used."""
-    noise = _row_noise(formulation)[rows]
     done: list[Reals] = []
     for used in range(rounds + 1):
         cells = cells[_allowed(parts, formulation, cells)]
@@ -354,24 +365,53 @@ def _halved(
             done.append(cells)
             whole = used == rounds or not len(cells)
             break
-        found, given, fit = _measured(parts, formulation, cells, rows)
-        alive = ~fit.empty
-        own = slice(len(parts.past), None)
+        judged = _judged(parts, formulation, cells, rows, until)
+        if judged is None:  # time ended in this round, which is left out
+            done.append(cells)
+            whole = False
+            break
+        fine, rest, place = judged
+        done.append(cells[fine])
+        if 2 * rest.size + sum(map(len, done)) > (_MOST_FREE if parts.initial else _MOST):
+            done.append(cells[rest])
+            used, whole = used + 1, False  # this round is repeated when it is computed again
+            break
+        cells = _halves(cells[rest], place) if rest.size else cells[:0]
+    return np.concatenate(done), used, whole
+
+
+def _judged(
+    parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray[Any], until: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
+    """Find cells that are fine, and those to halve with the coordinate of each.
+
+    The others are empty. None where time ends before all are judged.
+    """
+    fine, rest, place = [], [], []
+    for begin, part in _portions(parts, cells):
+        if time.monotonic() >= until:
+            return None
+        found, given, fit = _measured(parts, formulation, part, rows)
+        noise, own = _row_noise(formulation)[rows], slice(len(parts.past), None)
         size, radius = np.abs(fit.gamma[:, own]), fit.radius[:, own]
         effect = _effects(found, size, parts.columns, rows, noise)
         if parts.initial:
             worst = _looseness(given, size + radius)
         else:
             worst = _effects(found, size + radius, parts.columns, rows, noise).max(axis=1)
-        fine = alive & fit.bounded & (worst <= _FINE)
-        done.append(cells[fine])
-        rest = np.flatnonzero(alive & ~fine)
-        if 2 * rest.size + sum(map(len, done)) > (_MOST_FREE if parts.initial else _MOST):
-            done.append(cells[rest])
-            used, whole = used + 1, False  # this round is repeated when it is computed again
-            break
-        cells = _halves(cells[rest], effect[rest].argmax(axis=1)) if rest.size else cells[:0]
-    return np.concatenate(done), used, whole
+        good = ~fit.empty & fit.bounded & (worst <= _FINE)
+        left = np.flatnonzero(~fit.empty & ~good)
+        fine.append(begin + np.flatnonzero(good))
+        rest.append(begin + left)
+        place.append(effect[left].argmax(axis=1))
+    return np.concatenate(fine), np.concatenate(rest), np.concatenate(place)
+
+
+def _portions(parts: Parts, cells: Reals) -> Iterator[tuple[int, Reals]]:
+    """Cells in portions that fit into memory, each with the number of its first."""
+    size = _AT_ONCE_FREE if parts.initial else _AT_ONCE
+    for begin in range(0, len(cells), size):
+        yield begin, cells[begin : begin + size]
 
 
 def _effects(
@@ -439,9 +479,15 @@ def _converted(
     model = formulation.model
     assert isinstance(model, BlockStructured)
     hull, kept = np.array([np.full(p, np.inf), np.full(p, -np.inf)]), list[int]()
+    place = {name: i for i, name in enumerate(names)}
+    if len(cells) > _MOST_LEFT:
+        hull = start.copy()
+        for i, name in enumerate(parts.poles):
+            hull[0, place[name]] = max(start[0, place[name]], cells[:, 0, i].min())
+            hull[1, place[name]] = min(start[1, place[name]], cells[:, 1, i].max())
+        return hull, np.arange(len(cells))
     if fit is not None:
         factor = _factor(parts, model, cells, fit)
-        place = {name: i for i, name in enumerate(names)}
         for c in range(len(cells)):
             box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
             if np.any(box[0] > box[1]):
