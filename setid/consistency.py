@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -41,7 +41,7 @@ from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.minimum_noise.separate_noise import separate_noise
-from setid.models.continuous import without_delta
+from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
@@ -153,6 +153,9 @@ class Consistency(NoiseScale):
     def noise_bound(self, margin: float = 1.0) -> Noise:
         """Read noise bounds off this record: the attained factor times the bounds as given.
 
+        A model error ``delta`` counts as output noise: what is left of that beyond ``delta`` as
+        given is returned, for identification with the same structure.
+
         Parameters
         ----------
         margin : float
@@ -186,6 +189,10 @@ class Consistency(NoiseScale):
         data = self.formulation.data
         kept: dict[str, Any] = {}
         bounds = scaled_noise(self.noise.bounds(data), factor * self.scale[1]).bounds(data)
+        if error := self.noise.model_error:
+            left = np.maximum(np.nextafter(bounds[0] - error, inf), 0.0)
+            bounds = np.where(bounds[0] > 0, left, 0.0), *bounds[1:]
+            text += f", beyond delta = {all_digits(error)}"
         for kind, values in zip(("output", "input", "equation"), bounds, strict=True):
             if np.any(values > 0):
                 same = bool(np.all(values == values[0]))
@@ -200,7 +207,7 @@ class Consistency(NoiseScale):
         """Describe the factor and what it rests on in a few lines."""
         low, high = self.scale
         ends = f"{rounded(low, False, 6)} (proved) to {rounded(high, True, 6)} (attained)"
-        lines = [f"least factor on the noise bounds: {ends}"]
+        lines = [f"least factor on {self.noise.scaled}: {ends}"]
         lines.append(_MEANING[self.explains])
         if self.theta is not None:
             pairs = zip(_names(self.formulation), self.theta.tolist(), strict=True)
@@ -225,7 +232,7 @@ class Consistency(NoiseScale):
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
         return section(
             _MEANING[self.explains],
-            table(["", "proved", "attained"], [["factor on the noise bounds", low, high]]),
+            table(["", "proved", "attained"], [[f"factor on {self.noise.scaled}", low, high]]),
             listing("taken for granted", self.assumptions),
         )
 
@@ -283,7 +290,8 @@ def consistency(
     boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
     small as the rounding of the readings is not resolved further. Long records of noisy outputs
     are bounded from below by cells of denominators, which need no box of the parameters.
-    A discretisation error bound of a continuous-time model counts as output noise.
+    A discretisation error bound ``delta`` of a continuous-time model counts as output noise: the
+    factor multiplies the noise bounds and ``delta`` together.
     Of several denominators with an offset the rows have the offset of the equation in place of that
     of the output, unless a prior speaks of it; ``formulation.model`` and ``assumptions`` say so.
 
@@ -353,6 +361,11 @@ def _names(formulation: Formulation) -> list[str]:
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
     model, texts = formulation.model, [*noise.assumptions, *formulation.assumptions]
+    if noise.model_error and isinstance(model, ContinuousTransferFunction):  # with delta as noise
+        given = replace(model, delta=noise.model_error)
+        said = {f"the system is a {model!r}": f"the system is a {given!r}"}
+        said[model.between_samples(0.0)] = given.between_samples(noise.model_error)
+        texts = [said.get(text, text) for text in texts]
     if isinstance(model, TransferFunction) and model.form == DRIVEN:
         texts.append(_DRIVEN)
     if isinstance(model, TransferFunction) and model.form in (LIFTED, DRIVEN):

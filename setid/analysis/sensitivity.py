@@ -28,7 +28,8 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
-from setid.models.continuous import without_delta
+from setid.models.continuous import ContinuousTransferFunction, without_delta
+from setid.models.equations import Structure
 from setid.options import Options, check_executor, checked_options
 from setid.priors import Box, parameters
 from setid.proofs.evidence import Verification
@@ -138,7 +139,7 @@ class Sensitivity:
         known = self.base.formulation
         for factor, result in zip(self.factors.tolist(), self.results, strict=True):
             at_base = result is self.base and factor == 1.0
-            if not at_base and not _is_about(known, result.formulation, known.noise, factor, ()):
+            if not at_base and not _is_with(known, result.formulation, factor):
                 return f"factor {factor:g}: the result belongs to another problem"
         pairs = zip(known.parameters, _signs(self.base), strict=True)
         signs = {name: sign for name, sign in pairs if sign}
@@ -197,6 +198,8 @@ class Sensitivity:
             "least factor that explains the record: "
             f"{rounded(low, False, 4)} (proved) to {rounded(high, True, 4)} (attained)"
         ]
+        if self.least.noise.model_error:
+            lines.append(f"each factor multiplies {self.least.noise.scaled}")
         if any(READ_OFF in text for text in self.least.noise.assumptions):
             lines.append("the noise bound was read off this record: check it on another (holdout=)")
         return [*lines, *(self._remark(name) for name in self.lost)]
@@ -232,7 +235,8 @@ def sensitivity(
     ----------
     result : Identification
     factors : iterable of float
-        Positive; 1 takes the result itself.
+        Positive; 1 takes the result itself. ``delta`` of a continuous-time structure is multiplied
+        with the noise bounds.
     options : Options, optional
         ``time_limit`` is for all of it together; those of the result when left out.
     executor : concurrent.futures.Executor, optional
@@ -324,6 +328,21 @@ def _is_about(
     return again.problem.fingerprint == found.problem.fingerprint
 
 
+def _is_with(known: Formulation, found: Formulation, factor: float) -> bool:
+    """Check that a problem is that of a record with all its noise times a factor."""
+    again = formulate(known.data, *_times(known, factor), known.priors)
+    return again.problem.fingerprint == found.problem.fingerprint
+
+
+def _times(known: Formulation, factor: float) -> tuple[Structure, Noise]:
+    """Multiply all noise bounds, and delta of a continuous-time structure with them."""
+    model, error = known.model, factor * known.noise.model_error
+    if isinstance(model, ContinuousTransferFunction):
+        model = replace(model, delta=error)
+    own = known.noise.covering(0.0).bounds(known.data)
+    return model, scaled_noise(own, factor).covering(error)
+
+
 @dataclass(slots=True, eq=False)
 class _Work:
     """Identifications and noise levels that share the time."""
@@ -345,8 +364,7 @@ class _Work:
         options, known = self._options(), self.result.formulation
         if factor == 1.0:
             return self.result
-        noise = scaled_noise(known.noise.bounds(known.data), factor)
-        return identify(known.data, without_delta(known.model), noise, known.priors, options)
+        return identify(known.data, *_times(known, factor), known.priors, options)
 
     def level(self, more: Iterable[Any]) -> Consistency:
         """Find the least factor on the noise bounds with further priors."""

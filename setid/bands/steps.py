@@ -15,6 +15,7 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import Coordinates
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.continuous import ContinuousTransferFunction
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.proofs.time_bands.enclosures import Experiment
@@ -53,6 +54,8 @@ class StepBand:
         Of a proved band: how it compares with what is attained.
     labels : (str, str) or None
         Names and units of output and input, for axes.
+    recursion : str
+        Of a continuous-time structure: by what it was sampled, and what the step is between samples.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class StepBand:
     later: tuple[float, float] = (-np.inf, np.inf)
     report: BandReport | None = None
     labels: tuple[str, str] | None = None
+    recursion: str = ""
 
     @property
     def all_time(self) -> tuple[float, float]:
@@ -85,6 +89,8 @@ class StepBand:
     def summary(self) -> str:
         """Describe the band in a few lines."""
         lines = [f"{self.kind} band of the step response of y{self.output} from u{self.input}"]
+        if self.recursion:
+            lines.append(f"{self.recursion}: the plant's own response differs by its error")
         if self.report is not None:
             lines.append(self.report.text)
         if np.all(np.isfinite(self.later)):
@@ -117,6 +123,10 @@ def step_band(
     all_time: bool = False,
 ) -> StepBand:
     """Enclose the response to a unit step at one input, from rest, without noise.
+
+    Of a continuous-time structure it is the response of its recursion. With ``hold="linear"`` the
+    input rises over the sampling interval before the first sample. The plant's own step response
+    differs by the error of the recursion for this input, which ``delta`` does not bound.
 
     Parameters
     ----------
@@ -192,7 +202,17 @@ def step_band(
     t, middle, a, b, c, d = columns
     data = result.formulation.data
     labels = data.output_labels[output - 1], data.input_labels[input - 1]
-    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report, labels)
+    by = _recursion(model)
+    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report, labels, by)
+
+
+def _recursion(model: Structure) -> str:
+    """Say which recursion responds in place of a continuous-time plant."""
+    if not isinstance(model, ContinuousTransferFunction) or model.method == "indirect":
+        return ""
+    rising = "which rises over the interval before the first sample"
+    step = "held at each sample" if model.hold == "constant" else rising
+    return f"response of the recursion to a step {step}"
 
 
 _SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time

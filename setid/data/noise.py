@@ -184,6 +184,19 @@ class Noise:
         object.__setattr__(found, "model_error", float(delta))
         return found
 
+    @property
+    def scaled(self) -> str:
+        """Name what a factor on the noise multiplies.
+
+        Examples
+        --------
+        >>> import setid
+        >>> setid.Noise(output=0.25).covering(0.5).scaled
+        'the noise bounds and delta = 0.5 together'
+        """
+        together = f" and delta = {all_digits(self.model_error)} together"
+        return "the noise bounds" + (together if self.model_error else "")
+
     def bounds(
         self, data: IOData
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

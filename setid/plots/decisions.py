@@ -48,7 +48,7 @@ def plot_consistency(found: Consistency, ax: Axes | None = None) -> Axes:
     axes.axvline(1.0, color=ink(), lw=1, label="the bounds as given")
     axes.set_xlim(0.0, end)
     axes.set_yticks([])
-    axes.set_xlabel("factor on the noise bounds")
+    axes.set_xlabel(f"factor on {found.noise.scaled}")
     axes.legend(loc="best", fontsize="small")
     return axes
 
@@ -74,7 +74,7 @@ def plot_sensitivity(found: Sensitivity, ax: Axes | None = None) -> Axes:
         end = attained if np.isfinite(attained) else proved
         if end <= found.factors.max():
             axes.axvline(end, color=colour, ls=":", lw=1.5, label=f"sign of {name} lost")
-    axes.set_xlabel("factor on the noise bounds")
+    axes.set_xlabel(f"factor on {found.base.formulation.noise.scaled}")
     axes.set_ylabel("outer width, relative")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize="small")

@@ -74,7 +74,7 @@ class Holdout:
         }[self.holds]
         return (
             f"{what} ({self.data.samples} samples): they need {low} (proved) to {high} (attained) "
-            "times the bounds"
+            f"times {self.level.noise.scaled}"
         )
 
     def verify(self, known: Formulation, intervals: Intervals) -> Verification:

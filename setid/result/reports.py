@@ -259,6 +259,8 @@ def _sensors(result: FeasibleSet) -> list[str]:
         return []
     if len(named) == 1:
         (kind,) = named
+        if result.formulation.noise.model_error and kind == _KINDS["eta"]:
+            kind = "output noise, with delta in it"
         return [
             f"all uncertainty of the equations is {kind}: widths shrink about as its bound does"
         ]

@@ -306,3 +306,65 @@ def test_simulated_records_have_the_interval_of_their_structure() -> None:
     assert one.output == pytest.approx(two.output)
     with pytest.raises(setid.ModelError, match="Ts: found 0.2 in the model, expected 0.5"):
         setid.simulate_record(fixed, [1.0, 2.0], [1.0, 0.0, 0.0], quiet, Ts=0.5)
+
+
+def held(delta: float) -> tuple[setid.IOData, setid.ContinuousTransferFunction]:
+    """A sampled first-order response with .01 of noise, and a structure with a model error."""
+    u, y, pole = np.repeat([1.0, -1, 2, 0, 1], 4), np.zeros(20), np.exp(-0.2)
+    for k in range(19):
+        y[k + 1] = pole * y[k] + 1.5 * (1 - pole) * u[k]
+    data = setid.IOData(u, y + 0.01 * np.cos(7 * np.arange(20)), Ts=0.1)
+    return data, C(1, 0, hold="constant", delta=delta)
+
+
+def test_least_factors_multiply_noise_and_delta_and_say_so() -> None:
+    data, model = held(0.01)
+    found = setid.consistency(data, model, setid.Noise(output=0.01))
+    assert "noise bounds and delta = 0.01 together" in found.summary()
+    assert any("at most delta = 0.01" in text for text in found.assumptions)
+    low, high = found.scale
+    for factor, status in ((low * 0.99, "empty"), (high * 1.01, "certified")):
+        half = setid.identify(data, held(0.01 * factor)[1], setid.Noise(output=0.01 * factor))
+        assert str(half.status) == status
+
+
+def test_a_bound_read_off_is_what_is_needed_beyond_delta() -> None:
+    data, model = held(0.003)
+    found = setid.consistency(data, model, setid.Noise(output=0.001))
+    bound = found.noise_bound()
+    assert bound.output[0] == pytest.approx(found.scale[1] * 0.004 - 0.003)
+    assert "beyond delta = 0.003" in bound.assumptions[0]
+    assert (
+        str(setid.identify(data, model, setid.Noise(output=0.99 * bound.output)).status) == "empty"
+    )
+    assert str(setid.identify(data, model, found.noise_bound(1.01)).status) == "certified"
+    covered = setid.consistency(data, held(0.01)[1], setid.Noise(output=0.0001)).noise_bound()
+    assert np.all(covered.output == 0)
+
+
+def test_rows_of_a_sensitivity_have_delta_times_their_factor() -> None:
+    data, model = held(0.01)
+    result = setid.identify(data, model, setid.Noise(output=0.01))
+    found = setid.sensitivity(result, factors=[0.3, 0.7])
+    assert [str(row.status) for row in found.results] == ["empty", "certified"]
+    assert any("at most delta = 0.006999" in text for text in found.results[1].assumptions)
+    assert "each factor multiplies the noise bounds and delta = 0.01 together" in found.summary()
+    assert found.verify()
+    kept = setid.identify(data, held(0.007)[1], setid.Noise(output=0.007))
+    assert found.outer[1].ravel() == pytest.approx(
+        [e for i in kept.intervals.values() for e in i.outer]
+    )
+
+
+def test_steps_say_that_they_are_those_of_the_recursion() -> None:
+    data, model = held(0.01)
+    for hold, words in (
+        ("constant", "held at each sample"),
+        ("linear", "interval before the first"),
+    ):
+        shape = C(1, 0, hold=hold, delta=0.01)
+        result = setid.identify(data, shape, setid.Noise(output=0.2), setid.Stable())
+        band = setid.step_band(result, 5, kind="sampled")
+        assert words in band.summary()
+        begins = band.nominal[0] > 0  # the ramp before the first sample has acted on it
+        assert begins == (hold == "linear")

@@ -58,9 +58,14 @@ class CellRows(NamedTuple):
 
     def of(self, cells: NDArray[np.int64]) -> CellRows:
         """Take the rows of some cells."""
-        shape = None if self.shape is None else self.shape[cells]
-        parts = (each[cells] for each in (self.matrix, self.wide, self.y, self.noise))
-        return CellRows(*parts, shape, self.shared)
+        return CellRows(
+            self.matrix[cells],
+            self.wide[cells],
+            self.y[cells],
+            self.noise[cells],
+            None if self.shape is None else self.shape[cells],
+            self.shared,
+        )
 
     def errors(self, weights: Reals) -> tuple[Reals, Reals]:
         """Bound errors of columns (C, W, M) and readings (C, W) in combinations (C, W, R)."""
