@@ -55,7 +55,7 @@ class StepBand:
     labels : (str, str) or None
         Names and units of output and input, for axes.
     recursion : str
-        Of a continuous-time structure: by what it was sampled, and what the step is between samples.
+        Of a continuous-time structure: what responds, and what the step is between samples.
 
     Examples
     --------

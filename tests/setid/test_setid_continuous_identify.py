@@ -363,7 +363,7 @@ def test_steps_say_that_they_are_those_of_the_recursion() -> None:
         ("linear", "interval before the first"),
     ):
         shape = C(1, 0, hold=hold, delta=0.01)
-        result = setid.identify(data, shape, setid.Noise(output=0.2), setid.Stable())
+        result = setid.identify(data, shape, setid.Noise(output=0.5))
         band = setid.step_band(result, 5, kind="sampled")
         assert words in band.summary()
         begins = band.nominal[0] > 0  # the ramp before the first sample has acted on it
