@@ -22,6 +22,7 @@ from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
 from setid.formulation.formulation import formulate
 from setid.html import listing, section
+from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
 from sparsepop_py.lp.scaled import solve_scaled
@@ -37,6 +38,8 @@ Reals = NDArray[np.float64]
 _FEWEST, _USUAL, _MOST = 20, 30, 50  # samples in the transient
 _BAND = 0.02  # of the height of a step: within it the response has settled
 _STILL = 0.1  # of a step: by which an input may move besides it
+_REST = 0.2  # of the transient: how long a response stays near its final value, at least
+_ANSWER = 1.5  # times the range before the step: less is no answer to it
 _TAIL = 0.1  # of the record, from which the final value is taken
 _CONFIDENCE = 0.95
 _RUN = 5  # equal readings at an end of the range that count as saturation, at least
@@ -145,8 +148,8 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     step_record : IOData
         One input steps once; sampled as fast as may be.
     zero_record : IOData or array_like (N,), optional
-        Outputs at rest with zero input, for the noise bound; the parts of the step record before
-        the step and after settling when left out.
+        Outputs at rest with zero input, for the noise bound: one part, or (N, channels). When
+        left out, the parts of the step record before the step and after settling.
 
     Returns
     -------
@@ -171,7 +174,8 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
         raise DataError(f"step_record: found {type(step_record).__name__}, expected IOData")
     begin = _step_at(step_record)
     once = _steps_once(step_record, begin)
-    last = max(_settled(y, begin) for y in step_record.y.T) if once else inf
+    answers = [y for y in step_record.y.T if _answers(y, begin)]
+    last = max((_settled(y, begin) for y in answers), default=inf) if once else inf
     settling = (last - begin) * step_record.Ts if last < inf else float("nan")
     if zero_record is None:
         parts = _at_rest(step_record, begin, last)
@@ -234,7 +238,17 @@ def _settled(y: Reals, begin: int) -> float:
     last = int(outside[-1]) + 1
     drift = abs(float(np.median(tail[: tail.size // 2]) - np.median(tail[tail.size // 2 :])))
     moving = tail.size > 3 and drift > _BAND * abs(final - start) and drift > 0.5 * float(noise)
-    return inf if moving or last > y.size - tail.size / 2 else float(last)
+    short = y.size - last < max(tail.size / 2, _REST * (last - begin))
+    return inf if moving or short else float(last)
+
+
+def _answers(y: Reals, begin: int) -> bool:
+    """Check that an output leaves the range that it had before the step, where that is known."""
+    before, after = y[:begin], y[begin:]
+    if np.count_nonzero(~np.isnan(before)) <= 3 or np.all(np.isnan(after)):
+        return True
+    start = float(np.nanmedian(before))
+    return bool(np.nanmax(np.abs(after - start)) > _ANSWER * np.nanmax(np.abs(before - start)))
 
 
 def _at_rest(data: IOData, begin: int, last: float) -> list[Reals]:
@@ -349,6 +363,11 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
             "no input steps once and then stays: sampling and settling times are read off a step "
             "response; record one"
         )
+    elif not any(_answers(y, _step_at(found.record)) for y in found.record.y.T):
+        lines.append(
+            "no output answers the step: what follows it is no larger than what was before; take "
+            "a larger step, or record longer"
+        )
     else:
         lines.append(
             "the response has not settled by the end of the record: record longer (or the system "
@@ -421,6 +440,8 @@ class Excitation:
     @property
     def text(self) -> str:
         """One sentence."""
+        if np.all(np.isinf(self.widths)):
+            return "the input says nothing of any parameter: is it zero, or too short?"
         if not self.wide:
             return "every parameter is excited: half widths stay below 30 % of the values"
         return f"will stay wide: {', '.join(self.wide)}; excite more where the system responds"
@@ -438,7 +459,11 @@ class Excitation:
 
 
 def excitation(
-    model: Structure, theta: ArrayLike | Mapping[str, float], u: ArrayLike, noise: Noise
+    model: Structure,
+    theta: ArrayLike | Mapping[str, float],
+    u: ArrayLike,
+    noise: Noise,
+    Ts: float | None = None,
 ) -> Excitation:
     """Expect the widths of intervals for a planned input.
 
@@ -455,6 +480,8 @@ def excitation(
     u : array_like (N,) or (N, nu)
         The planned input.
     noise : Noise
+    Ts : float, optional
+        Sampling interval; that of a continuous-time structure, or 1, when left out.
 
     Returns
     -------
@@ -473,11 +500,13 @@ def excitation(
     >>> rest.wide
     ('a1', 'b1')
     """
+    interval = interval_of(model, Ts)
+    model = model if Ts is None else at_rate(model, interval)
     outputs = simulate(model, theta, u)
     inputs = np.asarray(u, float).reshape(len(outputs), model.inputs)
     with warnings.catch_warnings():  # widths say what an input does not excite
         warnings.simplefilter("ignore", SetidWarning)
-        formulation = formulate(IOData(inputs, outputs), model, noise)
+        formulation = formulate(IOData(inputs, outputs, interval), model, noise)
     rows = formulation.regression
     if rows is None:
         raise ModelError("model: found no regression form, expected one to plan an input for")

@@ -29,6 +29,7 @@ from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, check_priors, formulate
 from setid.html import section
 from setid.html import table as html_table
+from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
 from setid.options import check_executor
@@ -114,8 +115,8 @@ class Recursive:
         consistent with the equations of the last ``window`` samples, which reach back to
         readings before these. All samples count when left out. Where outputs have equations of
         several lags, more than the difference of these.
-    Ts : float
-        Sampling time.
+    Ts : float, optional
+        Sampling time; that of a continuous-time structure, or 1, when left out.
     executor : concurrent.futures.Executor, optional
         For equation errors: solves the linear programs of the ends, one a task. It pays where a
         program takes longer than a task's overhead, with many parameters and a large ``limit``.
@@ -163,10 +164,13 @@ class Recursive:
         *,
         limit: int | None = None,
         window: int | None = None,
-        Ts: float = 1.0,
+        Ts: float | None = None,
         executor: Executor | None = None,
     ) -> None:
-        self.model = _from_unknown(model)
+        self.Ts = number(interval_of(model, Ts), "Ts", DataError)
+        if not 0 < self.Ts < inf:
+            raise DataError(f"Ts: found {Ts!r}, expected a positive number")
+        self.model = _from_unknown(model if Ts is None else at_rate(model, self.Ts))
         self.noise = _check_noise(noise, self.model)
         self.priors = tuple(listed(priors))
         check_priors(self.priors, self.model)
@@ -174,9 +178,6 @@ class Recursive:
         least = 4 * len(self.model.parameters) ** 2
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
-        self.Ts = number(Ts, "Ts", DataError)
-        if not 0 < self.Ts < inf:
-            raise DataError(f"Ts: found {Ts!r}, expected a positive number")
         self._executor = executor
         lags = [equation.lag for equation in self.model.regression()]
         self._lag, self._early = max(lags), max(lags) - min(lags)

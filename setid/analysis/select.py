@@ -12,6 +12,7 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
+from inspect import signature
 from itertools import product
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -312,6 +313,15 @@ def _family(family: Any, data: IOData) -> Family:
             f"family: found {type(family).__name__}, expected TransferFunction, PolynomialNARX "
             "or a callable (order, degree) -> structure"
         )
+    try:
+        signature(family).bind(1, 1)
+    except TypeError as error:
+        raise ModelError(
+            f"family: found a callable of other arguments ({error}), expected (order, degree) -> "
+            "structure"
+        ) from None
+    except ValueError:  # of compiled functions nothing is known
+        pass
     return family
 
 

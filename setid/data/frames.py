@@ -13,7 +13,7 @@ from setid.data.checks import real_array, without_mask
 from setid.data.tables import Column
 from setid.errors import DataError
 
-__all__ = ["frame_column", "require_pandas", "series_names"]
+__all__ = ["check_indices", "frame_column", "require_pandas", "series_names"]
 
 
 def require_pandas() -> ModuleType:
@@ -47,6 +47,29 @@ def series_names(given: Any) -> tuple[str, ...] | None:
     return texts if texts and len(texts) == len(every) else None
 
 
+def check_indices(u: Any, y: Any) -> None:
+    """Refuse tables whose rows have different indices: samples are paired by place.
+
+    Parameters
+    ----------
+    u, y : object
+        Anything that stands for channels.
+
+    Raises
+    ------
+    DataError
+        If both have an index, and these differ.
+    """
+    one, two = getattr(u, "index", None), getattr(y, "index", None)
+    if one is None or two is None or not hasattr(one, "equals"):
+        return
+    if not one.equals(two):
+        raise DataError(
+            "u, y: found two indices that differ, expected one: samples are paired by their "
+            "place; join them first, or give u.to_numpy() and y.to_numpy()"
+        )
+
+
 def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray[np.float64], str]:
     """Read a DataFrame's column (N,) as doubles, missing values as NaN, and its unit.
 
@@ -59,7 +82,7 @@ def frame_column(frame: Any, name: Column, dates: bool = False) -> tuple[NDArray
         second holds the unit.
     dates : bool
         Whether dates are wanted, as seconds since the first, and the index where that has the
-        name.
+        name, or none and ``"index"`` is asked for.
 
     Raises
     ------
@@ -97,8 +120,9 @@ def _found(frame: Any, name: Column, index: bool) -> tuple[Any, str]:
         return frame[name], ""
     if len(pairs) == 1:
         return frame[pairs[0]], str(pairs[0][1]).strip("[]()")
-    if index and getattr(getattr(frame, "index", None), "name", None) == name:
-        return frame.index, ""
+    own = getattr(frame, "index", None)
+    if index and own is not None and (own.name == name or (own.name is None and name == "index")):
+        return own, ""
     raise DataError(f"frame: found no single column {name!r}, expected one of {known!r:.200}")
 
 

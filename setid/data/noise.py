@@ -342,7 +342,8 @@ def estimate_noise_bound(
         raise NoiseError(f"margin: found {margin!r}, expected a factor >= 1")
     record = zero_input_record
     if not isinstance(record, IOData):
-        record = IOData(np.zeros(np.shape(record)[:1]), record)
+        values = real_array(record, "zero_input_record", NoiseError)
+        record = IOData(np.zeros(values.shape[:1]), values)
     if np.any(np.nan_to_num(record.u) != 0.0):
         raise NoiseError("zero_input_record: found inputs that are not zero, expected rest")
     low, high = np.nanmin(record.y, axis=0), np.nanmax(record.y, axis=0)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.data.channels import labels, names_of, text_of, units_of
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of, word
-from setid.data.frames import frame_column, series_names
+from setid.data.frames import check_indices, frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
@@ -113,6 +113,7 @@ class IOData:
                 f"u, y: found {inputs.shape[0]} and {outputs.shape[0]} samples, expected equal "
                 "numbers (samples are rows, channels are columns)"
             )
+        check_indices(u, y)
         step = number(Ts, "Ts", DataError)
         if not 0 < step < np.inf:
             raise DataError(f"Ts: found {Ts!r}, expected a positive number")
@@ -287,7 +288,8 @@ class IOData:
         Ts : float, optional
             Sampling time; that of the column ``time`` when left out, 1 without one.
         time : str, optional
-            A column of times, or the name of the index. Dates and spans of time count in seconds.
+            A column of times, or the name of the index (``"index"`` where it has none). Dates and
+            spans of time count in seconds.
             As of :meth:`from_csv`; without it the index is not looked at.
         time_unit : str
             Unit of the times.

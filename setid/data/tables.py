@@ -98,6 +98,7 @@ def read_table(
         raise DataError(
             f"{path}: found {len(rows)} lines and {names_at} of headers, expected samples"
         )
+    _refuse_samples_in_headers(path, rows[1:names_at], decimal)
     names = [field.strip() for field in rows[0][1]] if names_at else None
     _refuse_samples_in_comments(path, lines[:begin], separator, width, decimal)
     places = [_place(path, column, names, width) for column in columns]
@@ -170,7 +171,7 @@ def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
     except UnicodeDecodeError as error:
         raise DataError(
             f"{path}: found bytes that are no UTF-8 text (at {error.start}), "
-            "expected a table of numbers"
+            "expected a table of numbers; save it as UTF-8"
         ) from None
     lines = re.split(r"\r\n|\n|\r", text)
     first = next((line for line in lines if not _is_comment(line)), "")
@@ -234,6 +235,19 @@ def _header_lines(
             "sample (say header=1 if these are names)"
         )
     return 1
+
+
+def _refuse_samples_in_headers(
+    path: PathLike, headers: list[tuple[int, list[str]]], decimal: str
+) -> None:
+    """Refuse header lines after the first that hold numbers alone."""
+    for number, fields in headers:
+        values = [_value(field, decimal) for field in fields]
+        if None not in values and not np.all(np.isnan(np.array(values, float))):
+            raise DataError(
+                f"{path}, line {number}: found a sample, {_quoted(' '.join(fields))}, expected a "
+                "header; header= counts lines of the table, and comments above it are none"
+            )
 
 
 def _refuse_samples_in_comments(

@@ -49,6 +49,7 @@ __all__ = [
     "Hold",
     "Method",
     "at_rate",
+    "interval_of",
     "without_delta",
 ]
 
@@ -364,6 +365,12 @@ def at_rate(model: Structure, Ts: float) -> Structure:
     if model.Ts is not None:
         raise ModelError(f"Ts: found {model.Ts:g} in the model, expected {Ts:g} as in the data")
     return replace(model, Ts=Ts)
+
+
+def interval_of(model: Structure, Ts: float | None) -> float:
+    """Return the sampling interval: as given, that of a continuous-time structure, or 1."""
+    own = model.Ts if isinstance(model, ContinuousTransferFunction) else None
+    return (own or 1.0) if Ts is None else Ts
 
 
 def without_delta(model: Structure) -> Structure:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
+    from setid.options import Options
     from setid.result.reports import Remarks
 
 __all__ = ["Identification"]
@@ -374,7 +375,10 @@ class Identification(FeasibleSet):
         return consistent(self.formulation, theta)
 
     def sensitivity(
-        self, factors: Iterable[float] | None = None, executor: Executor | None = None
+        self,
+        factors: Iterable[float] | None = None,
+        executor: Executor | None = None,
+        options: Options | None = None,
     ) -> Sensitivity:
         """Compute widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
 
@@ -384,10 +388,12 @@ class Identification(FeasibleSet):
             On all noise bounds; 1 to 2 in six steps when left out.
         executor : concurrent.futures.Executor, optional
             Each factor is a task of its own.
+        options : Options, optional
+            ``time_limit`` is for all of it together; those of the result when left out.
         """
         from setid.analysis.sensitivity import FACTORS, sensitivity
 
-        return sensitivity(self, FACTORS if factors is None else factors, executor=executor)
+        return sensitivity(self, FACTORS if factors is None else factors, options, executor)
 
     # ---- one-line delegations -----------------------------------------------------------
 

@@ -15,7 +15,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
-from setid.models.continuous import ContinuousTransferFunction, at_rate
+from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Equation, Structure, Term, channel_of
 
 __all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
@@ -141,8 +141,7 @@ def simulate_record(
     generator = np.random.default_rng(seed)
     inputs = _inputs(model, u)
     values = _values(model, theta)
-    own = model.Ts if isinstance(model, ContinuousTransferFunction) else None
-    interval = (own or 1.0) if Ts is None else Ts
+    interval = interval_of(model, Ts)
     model = model if Ts is None else at_rate(model, Ts)
     blank = IOData(inputs, np.zeros((inputs.shape[0], model.outputs)), interval)
     eta, xi, e = (generator.uniform(-bound, bound) for bound in noise.bounds(blank))

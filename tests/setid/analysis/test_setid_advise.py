@@ -119,7 +119,7 @@ def test_expected_widths_of_a_static_gain_by_hand() -> None:
     weak = setid.excitation(model, [2.0], [0.0, 0.1], setid.Noise(output=0.1))
     assert weak.widths == pytest.approx([2.0]) and weak.wide == ("b0",)
     none = setid.excitation(model, [2.0], [0.0, 0.0], setid.Noise(output=0.1))
-    assert np.isinf(none.widths[0]) and "stay wide: b0" in none.text
+    assert np.isinf(none.widths[0]) and "says nothing of any parameter" in none.text
 
 
 def test_expected_widths_are_those_of_a_record_without_noise() -> None:
@@ -170,3 +170,39 @@ def test_a_quantised_output_that_settles_need_not_be_saturated() -> None:
     assert rounded.saturation and "sticks at 1: it settles there within a step" in rounded.text
     cut = setid.advise(setid.IOData(u, np.minimum(y, 0.8), 0.01))
     assert "sticks at 0.8: saturation; use a smaller step" in cut.text
+
+
+@pytest.mark.parametrize("constants", [0.5, 1.0, 2.0])
+def test_a_response_that_ends_on_its_way_has_not_settled(constants: float) -> None:
+    """After t time constants 1 - exp(-t) of the step are reached, whatever the last samples are."""
+    k = np.arange(int(100 * constants))
+    u, y = np.append(np.zeros(20), np.ones(k.size)), np.append(np.zeros(20), 1 - np.exp(-0.01 * k))
+    found = setid.advise(setid.IOData(u, y, Ts=0.01))
+    assert np.isnan(found.sampling_time) and "has not settled" in found.text
+
+
+def test_an_output_that_does_not_answer_says_so() -> None:
+    noise = 0.001 * np.cos(np.arange(70) ** 2)
+    u = np.append(np.zeros(20), np.ones(50))
+    found = setid.advise(setid.IOData(u, noise, Ts=0.01))
+    assert np.isnan(found.sampling_time) and "no output answers the step" in found.text
+    both = np.column_stack([noise, np.append(np.zeros(20), 1 - np.exp(-0.3 * np.arange(50)))])
+    alone = setid.advise(setid.IOData(u, both[:, 1], Ts=0.01))
+    assert setid.advise(setid.IOData(u, both, Ts=0.01)).settling_time == alone.settling_time
+
+
+def test_parts_at_rest_of_several_lengths_are_refused() -> None:
+    parts = [np.zeros(5), np.ones(7)]
+    with pytest.raises(setid.NoiseError, match="zero_input_record: found"):
+        setid.estimate_noise_bound(parts)
+
+
+def test_widths_of_continuous_structures_need_the_interval() -> None:
+    u = np.append(0.0, np.ones(60))
+    shapes = [setid.ContinuousTransferFunction(1, 0, delta=0.01, Ts=Ts) for Ts in (None, 0.1)]
+    noise = setid.Noise(output=0.1)
+    with pytest.raises(setid.ModelError, match="Ts: found None"):
+        setid.excitation(shapes[0], [2, 2], u, noise)
+    one, two = (setid.excitation(m, [2, 2], u, noise, T) for m, T in zip(shapes, (0.1, None), strict=True))
+    assert one.widths == pytest.approx(two.widths)
+    assert "nothing of any parameter" in setid.excitation(shapes[1], [2, 2], 0 * u, noise).text

@@ -260,3 +260,17 @@ def test_nothing_is_attained_where_priors_mean_more_than_rows() -> None:
     for name, item in online.intervals.items():
         low, high = plain.intervals[name].outer
         assert item.inner is None and item.outer[0] <= low and high <= item.outer[1]
+
+
+def test_continuous_structures_take_the_interval_of_either_place() -> None:
+    found = []
+    for inside, outside in ((None, 0.1), (0.1, None), (0.1, 0.1)):
+        model = setid.ContinuousTransferFunction(1, 0, hold="constant", delta=0.01, Ts=inside)
+        recursive = setid.Recursive(model, setid.Noise(output=0.1), setid.Stable(), Ts=outside)
+        for k in range(40):
+            recursive.update(float((-1) ** (k // 7)), 0.2 * k)
+        assert recursive.Ts == 0.1
+        found.append([interval.outer for interval in recursive.intervals.values()])
+    assert found[0] == found[1] == found[2]
+    with pytest.raises(setid.ModelError, match="Ts: found None"):
+        setid.Recursive(setid.ContinuousTransferFunction(1, 0), setid.Noise(output=0.1))

@@ -143,6 +143,10 @@ def test_records_from_frames() -> None:
     assert setid.IOData.from_frame(local, "valve", "level", time="when").Ts == 0.5
     spans = frame.assign(when=frame.when - frame.when[0])
     assert setid.IOData.from_frame(spans, "valve", "level", time="when").Ts == 0.5
+    bare = frame.set_index("when").rename_axis(None)
+    assert setid.IOData.from_frame(bare, "valve", "level", time="index").Ts == 0.5
+    with pytest.raises(setid.DataError, match="u, y: found two indices that differ"):
+        setid.IOData(frame["level"].iloc[:2], frame["level"].iloc[2:])
     lost = frame.assign(when=frame.when.mask(frame.index == 1))
     with pytest.raises(setid.DataError, match="no time at sample 1"):
         setid.IOData.from_frame(lost, "valve", "level", time="when")

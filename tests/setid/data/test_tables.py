@@ -125,6 +125,7 @@ def test_points_are_no_decimal_marks_where_commas_are(tmp_path: Path) -> None:
     [
         ("u,y\n", None, "found 1 lines and 1 of headers, expected samples"),
         ("# note\nu,y\nV,mm\n1,2\n", 3, "found 3 lines and 3 of headers"),
+        ("# a\n# b\nu,y\n1,2\n3,4\n5,6\n", 3, "line 4: found a sample, '1 2', expected a header"),
         ("u,y\n1,2\n", 9, "found 2 lines and 9 of headers"),
     ],
 )
