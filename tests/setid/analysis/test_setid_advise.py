@@ -203,6 +203,7 @@ def test_widths_of_continuous_structures_need_the_interval() -> None:
     noise = setid.Noise(output=0.1)
     with pytest.raises(setid.ModelError, match="Ts: found None"):
         setid.excitation(shapes[0], [2, 2], u, noise)
-    one, two = (setid.excitation(m, [2, 2], u, noise, T) for m, T in zip(shapes, (0.1, None), strict=True))
+    one = setid.excitation(shapes[0], [2, 2], u, noise, Ts=0.1)
+    two = setid.excitation(shapes[1], [2, 2], u, noise)
     assert one.widths == pytest.approx(two.widths)
     assert "nothing of any parameter" in setid.excitation(shapes[1], [2, 2], 0 * u, noise).text
