@@ -2,6 +2,9 @@
 
 theta2 / (s + theta1) from 60 noisy samples of its output, by Tustin's rule. The band is proved:
 it contains the response of each consistent pair of parameters.
+
+Numbers of figures: V. Cerone, course notes, Laboratory of Robust Identification and Control,
+Politecnico di Torino (2024/25).
 """
 
 import numpy as np

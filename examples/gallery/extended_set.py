@@ -2,6 +2,9 @@
 
 Two readings of y_2 = -a y_1 with errors up to 0.3: the pairs of parameter and error that are
 possible, and their projection, the interval of a. And two gains in a row: only their product shows.
+
+Numbers of figures: V. Cerone, course notes, Laboratory of Robust Identification and Control,
+Politecnico di Torino (2024/25).
 """
 
 import numpy as np

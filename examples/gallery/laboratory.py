@@ -2,6 +2,9 @@
 
 min x1^2 + x2^2 - 4 x1 - 6 x2 + 13  s.t.  x1 x2 - 7 x2 = 10,  x2 >= 1 - x1 / 2.
 The relaxed point of an order comes from the moments, the refined one is attained.
+
+Numbers of figures: V. Cerone, course notes, Laboratory of Robust Identification and Control,
+Politecnico di Torino (2024/25).
 """
 
 from pathlib import Path

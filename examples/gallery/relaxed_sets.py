@@ -2,6 +2,9 @@
 
 Two pieces of a square. Relaxations of order 1 and 2 bound each linear objective over them. The
 half-planes that they prove meet in a convex set.
+
+Numbers of figures: V. Cerone, course notes, Laboratory of Robust Identification and Control,
+Politecnico di Torino (2024/25).
 """
 
 import numpy as np

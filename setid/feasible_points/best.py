@@ -248,7 +248,7 @@ def _rows(model: Structure, data: IOData) -> tuple[Regression, Coordinates]:
 
 
 def _beyond(rows: Regression, coordinates: Coordinates, theta: Reals) -> Reals:
-    """What readings exceed their predictions by: equations are solved for the newest sample."""
+    """Subtract predictions from readings; equations are solved for the newest sample."""
     values = coordinates.values(theta)
     named = dict(zip(coordinates.names, values.tolist(), strict=True))
     factors = {e.output: leading(e, named) for e in coordinates.equations if e.implicit}

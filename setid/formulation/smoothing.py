@@ -4,8 +4,8 @@ A row of an n-th difference holds little of a slow signal and all of the noise: 
 fast sampling bounds nothing. A sum of rows with weights l_0, l_1, ... is a row as well,
 and in it most of the noise cancels: for l = the impulse response of 1 / (1 - alpha z)^n,
 z = q^-1, it speaks of filtered signals, whose noise is no larger than before. Rows are
-summed before the noise is replaced by its largest effect; the weights are doubles, which
-are what they are, and sums are rounded outwards.
+summed before the noise is replaced by its largest effect. Sums with any weights are rows that
+hold, so the weights are doubles that are taken as exact; sums are rounded outwards.
 """
 
 from __future__ import annotations
