@@ -528,17 +528,24 @@ def _by_engine(
     theta, settings, until = rest
     found = _minimised(known, outputs, rest)
     for step in range(_WIDER):
-        refuted = found.attained is None and output_bound(found) >= found.radius
-        if not refuted or time.monotonic() >= until:
+        if output_bound(found) < found.radius or time.monotonic() >= until:
             break
-        wider = _minimised(_within(found, found.radius * 2.0 ** (step + 1)), outputs, rest)
+        radius = found.radius * 2.0 ** (step + 1)
+        if found.attained is not None:  # beyond the radius, which samples alone obey
+            theta, outputs = _of_point(found, found.attained)
+            radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
+        wider = _minimised(_within(found, radius), outputs, (theta, settings, until))
         if wider.attained is None and output_bound(wider) < output_bound(found):
             break  # time ended, or the box is not finite: what was proved is kept
         found = wider
     if found.radius > known.radius and found.attained is not None and time.monotonic() < until:
         theta, outputs = _of_point(found, found.attained)
-        radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
-        again = _minimised(_within(found, radius), outputs, (theta, settings, until))
+        error = attained_norm(found, found.attained.value)
+        if output_bound(found) >= (1.0 - settings.tol) * error:
+            return found
+        again = _minimised(
+            _within(found, error * (1.0 + _MARGIN)), outputs, (theta, settings, until)
+        )
         if again.attained is not None and output_bound(again) >= output_bound(found):
             return again
     return found

@@ -231,3 +231,24 @@ def test_no_simulation_begins_anew_behind_a_missing_reading(norm: Norm) -> None:
     assert ("y_range" in found.summary()) == (found.evidence is not None)
     claim = replace(found, attained=True)
     assert found.evidence is None or found.evidence.attained is None or not claim.verify().ok
+
+
+@pytest.mark.parametrize(("pole", "norm"), [(0.9, "l2"), (0.2, "l2"), (0.9, "linf")])
+def test_priors_that_exclude_the_local_fit_leave_a_proved_least_error(
+    pole: float, norm: Norm
+) -> None:
+    """With a known pole outputs are linear in the gain and the first sample."""
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-1, 1, 60)
+    y = lfilter([0, 0.7, 0.2], [1, -1.2, 0.5], u) + rng.uniform(-0.1, 0.1, 60)
+    model, known = setid.TransferFunction(1, 1, 1), setid.Known({"a1": -pole})
+    options = setid.Options(time_limit=20.0, progress=False)
+    found = setid.fit(setid.IOData(u, y), model, norm, priors=known, options=options)
+    columns = np.column_stack([lfilter([0, 1], [1, -pole], u), pole ** np.arange(60.0)])
+    if norm == "l2":
+        least = float(np.linalg.norm(y - columns @ np.linalg.lstsq(columns, y)[0]))
+    else:
+        sides = np.vstack([np.c_[columns, -np.ones(60)], np.c_[-columns, -np.ones(60)]])
+        least = linprog([0, 0, 1], sides, np.r_[y, -y], bounds=(None, None)).fun
+    assert found.lower_bound <= least * (1 + 1e-9) and found.error >= least * (1 - 1e-9)
+    assert found.gap < 2e-3 and found.attained and found.verify()
