@@ -72,6 +72,7 @@ _ULPS = 1e-12  # by which a value may change where its proof is repeated
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
 _CELLS = 0.5  # of the time, for cells of denominators
 _PART = 0.5  # of the tolerance, for them
+_OPEN = 1e-2  # relative gap from which on a summary says why it is open
 _WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
 _GAPS = (
     "equations with missing samples are left out, and no simulation across them is proved: with "
@@ -198,9 +199,21 @@ class Fit:
             f"have less than {low} (proved); gap {100 * self.gap:.2g} %",
             f"fit {per_cent(self.fit)}",
         ]
+        if self.gap > _OPEN and self.errors == "output":
+            lines.append(f"the gap is open: {self._cause()}")
         if self.evidence is not None and self.evidence.formulation.dropped:
             lines.append(_GAPS)
         return "\n".join(lines)
+
+    def _cause(self) -> str:
+        """Say what keeps the lower bound from the error."""
+        box = None if self.evidence is None else self.evidence.box
+        if box is None or not np.all(np.isfinite([box.lower, box.upper])):
+            return (
+                "in the time given no finite box of the parameters was found to search in; priors "
+                "such as Box and Stable give one"
+            )
+        return "give more time, or priors that leave less to search"
 
     def plot(self, ax: Axes | NDArray[Any] | None = None) -> NDArray[Any]:
         """Draw readings and outputs of the model; returns the axes.

@@ -252,3 +252,15 @@ def test_priors_that_exclude_the_local_fit_leave_a_proved_least_error(
         least = linprog([0, 0, 1], sides, np.r_[y, -y], bounds=(None, None)).fun
     assert found.lower_bound <= least * (1 + 1e-9) and found.error >= least * (1 - 1e-9)
     assert found.gap < 2e-3 and found.attained and found.verify()
+
+
+def test_an_open_gap_has_a_cause() -> None:
+    u = np.random.default_rng(0).uniform(-1, 1, 30)
+    y = np.column_stack([lfilter([0, 0.7], [1, -0.5], u), lfilter([0, 0.2], [1, -0.8], u)])
+    y += np.random.default_rng(1).uniform(-0.1, 0.1, y.shape)
+    model = setid.TransferFunction(1, 1, 1, outputs=2)
+    options = setid.Options(time_limit=0.01, progress=False)
+    found = setid.fit(setid.IOData(u, y), model, options=options)
+    assert found.lower_bound == 0.0 and "no finite box" in found.summary()
+    closed = setid.fit(HAIRDRYER, setid.TransferFunction(1, 1, 3, offset=True), "l2", options=QUICK)
+    assert "gap is open" not in closed.summary()
