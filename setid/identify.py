@@ -153,7 +153,10 @@ def _held_out(
             "noise: found constraints over the record, expected bounds alone for holdout"
         )
     until = settings.deadline()
-    first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
+    try:
+        first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
+    except DataError as error:
+        raise DataError(str(error).replace("at:", "holdout:", 1)) from None
     own, other = _noise_of(noise, data, first, rest)
     share = None if settings.time_limit is None else _FIRST * settings.time_limit
     timed = replace(settings, time_limit=share)

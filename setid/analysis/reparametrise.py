@@ -228,7 +228,7 @@ def reparametrise(
         raise SetidError(f"physical: found {type(physical).__name__}, expected setid.Physical")
     if result.empty:
         return Reparametrisation(result, physical, _empty(physical), None)
-    formulation = with_relations(result.formulation, physical)
+    formulation = with_relations(result.formulation, physical, result.intervals)
     problem = problem_within(formulation, result.intervals)
     scaled = in_units(problem, formulation)
     found = sp.solve_each(
@@ -262,7 +262,9 @@ def _read(found: Any) -> Reparametrisation:
     points = [_POINT.read(point, "attained") for point in found["attained"]]
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
     ends = tuple(EndProof(*pair) for pair in zip(proofs, points, strict=True))
-    formulation = None if known.empty else with_relations(known.formulation, physical)
+    formulation = None
+    if not known.empty:
+        formulation = with_relations(known.formulation, physical, known.intervals)
     notes = tuple(str(note) for note in found["notes"])
     return Reparametrisation(known, physical, FrozenMapping(items), formulation, ends, notes)
 

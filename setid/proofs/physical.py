@@ -10,8 +10,10 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.data.record import IOData
+from setid.errors import PriorError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
+from setid.priors.coefficients import Box
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Evidence, Verification
 from setid.proofs.existence import admitted
@@ -20,16 +22,46 @@ from setid.proofs.verification import verify
 
 __all__ = ["objectives_of", "problem_within", "verify_physical", "with_relations"]
 
+_ROOM = 1e-6  # of the larger end of an interval: how far the box about it reaches beyond
 
-def with_relations(known: Formulation, physical: Physical) -> Formulation:
+
+def with_relations(
+    known: Formulation, physical: Physical, intervals: Mapping[str, ParameterInterval]
+) -> Formulation:
     """State a problem again with physical parameters and their relations.
 
     Parameters
     ----------
     known : Formulation
     physical : Physical
+    intervals : mapping of str to ParameterInterval
+        Proved ones of the coefficients. They become a prior where divisors have no sign without
+        them.
+
+    Raises
+    ------
+    PriorError
+        If a relation is none, or divides by what may be zero.
     """
-    return formulate(known.data, known.model, known.noise, (*known.priors, physical))
+    given = known.data, known.model, known.noise
+    try:
+        return formulate(*given, (*known.priors, physical))
+    except PriorError:
+        box = _around(intervals)
+        if box is None:
+            raise
+        return formulate(*given, (*known.priors, box, physical))
+
+
+def _around(intervals: Mapping[str, ParameterInterval]) -> Box | None:
+    """A box around proved intervals, with room for points at their ends."""
+    ends = {}
+    for name, item in intervals.items():
+        low, high = item.outer
+        if low <= high and np.any(np.isfinite([low, high])):
+            size = max(abs(end) for end in (low, high) if np.isfinite(end))
+            ends[name] = (low - _ROOM * size, high + _ROOM * size)
+    return Box(ends) if ends else None
 
 
 def problem_within(
@@ -102,7 +134,7 @@ def verify_physical(
         return Verification(False, f"the status, name or an end of {wrong} is not what is proved")
     known = claims.formulation
     stated = formulate(known.data if data is None else data, known.model, known.noise, known.priors)
-    again = with_relations(stated, physical)
+    again = with_relations(stated, physical, claims.intervals)
     scaled = in_units(problem_within(again, claims.intervals), again)
     proved = _proved(again, scaled, physical, ends)
     if isinstance(proved, str):

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 import setid
 from setid.priors.base import Facts
 from setid.proofs.evidence import EndProof
-from setid.proofs.physical import verify_physical
+from setid.proofs.physical import verify_physical, with_relations
 from sparsepop_py.verified.certificate.certificate import Certificate
 
 U, Y = [4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875]
@@ -305,7 +305,7 @@ def test_malformed_relations_are_refused(intervals, relations, message):
         ({"T": (1, 2)}, ["a1 = exp(T)"], "function 'exp'"),
         ({"T": (1, 2)}, ["a1 = "], "found"),
         ({"a1": (1, 2)}, ["a1 = b0"], "which is a parameter of the structure"),
-        ({"T": (1, 2)}, ["a1 = 1/b0"], "sign of the denominator b0 is not proved"),
+        ({"T": (1, 2)}, ["a1 = 1/(b0 - 2)"], "sign of the denominator -2 + b0 is not proved"),
     ],
 )
 def test_relations_that_do_not_fit_are_refused(intervals, relations, message):
@@ -336,3 +336,31 @@ def test_an_empty_set_has_empty_intervals_with_their_names(status):
             replace(item, name="S"),
         ):
             assert not verify_physical(*known, {name: forged}, result.ends, DATA).ok
+
+
+def test_divisors_have_the_sign_that_the_record_proves() -> None:
+    u = np.random.default_rng(0).uniform(-1, 1, 60)
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.01)
+    data = setid.simulate_record(model, [-0.6, 0.8], u, noise, seed=1).data
+    known = setid.identify(data, model, noise)
+    divided, multiplied = (
+        setid.reparametrise(known, setid.Physical({"K": (0, 10)}, [relation]))
+        for relation in ("K = b1/(1 + a1)", "b1 = K*(1 + a1)")
+    )
+    assert divided.intervals["K"].outer == pytest.approx(multiplied.intervals["K"].outer, rel=1e-3)
+    assert divided.verify(data) and setid.Reparametrisation.from_json(divided.to_json()).verify()
+    with pytest.raises(setid.PriorError, match=r"the sign of the denominator 0.6 \+ a1 is not"):
+        setid.reparametrise(known, setid.Physical({"K": (0, 10)}, ["K = b1/(0.6 + a1)"]))
+
+
+def test_a_box_about_intervals_leaves_out_nothing_that_is_proved() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    known = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    ratio = setid.Physical({"K": (-9, 9)}, ["K = a1/(b0 - 1)"])
+    problem = with_relations(known.formulation, ratio, known.intervals).problem
+    for k, item in enumerate(known.intervals.values()):
+        assert problem.lower[k] < item.outer[0] and item.outer[1] < problem.upper[k]
+    least = float(known.intervals["b0"].outer[0])
+    near = setid.Physical({"K": (-9, 9)}, [f"K = a1/(b0 - {least!r})"])  # zero at a proved end
+    with pytest.raises(setid.PriorError, match="the sign of the denominator"):
+        with_relations(known.formulation, near, known.intervals)
