@@ -219,7 +219,7 @@ class AdaptiveSearch:
             chosen = np.isin(np.flatnonzero(moved), self.shared_state.variables)
             kept = float(np.mean(width[chosen] if chosen.any() else width))
             share = progress(self.left, self.left * kept, 1.0)
-            self.queue.again((spec for spec, _, _ in self.tried), worth_of(share))
+            self.queue.requeue((spec for spec, _, _ in self.tried), worth_of(share))
             self.tried = []
         self._shrink()
 
@@ -331,7 +331,7 @@ class AdaptiveSearch:
             relaxation = self._relax(spec)
             if self._put_off:
                 return
-            self.queue.state(spec)
+            self.queue.remove_up_to(spec)
             if relaxation is None:
                 return
             self._leave_weak_tree()
@@ -382,7 +382,7 @@ class AdaptiveSearch:
         left, seen = self.context.deadline.expected, self.shared_state.cost_model
         self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
         if self._put_off:
-            self.queue.put_off(spec, expected)
+            self.queue.set_expected_seconds(spec, expected)
             return None
         self.solved.add(same)
         start = self.context.deadline.now()
@@ -401,7 +401,7 @@ class AdaptiveSearch:
         poor = self.context.upper - STRATEGY.poor_cutoff * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
-            self.queue.again([spec])  # the cutoff was far from what it can be
+            self.queue.requeue([spec])  # the cutoff was far from what it can be
         return relaxation
 
     def _expected(self, spec: RelaxationSpec, relaxation: Relaxation) -> float:

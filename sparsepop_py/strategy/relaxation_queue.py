@@ -116,8 +116,8 @@ class RelaxationQueue:
             return self._program > STRATEGY.stopped_program * left
         return seconds > STRATEGY.over_time * left
 
-    def put_off(self, spec: RelaxationSpec, seconds: float) -> None:
-        """Correct the expected seconds of a relaxation that was built and not solved."""
+    def set_expected_seconds(self, spec: RelaxationSpec, seconds: float) -> None:
+        """Set the expected seconds of a relaxation that was built and not solved."""
         self.shared_state.estimates[spec.name] = seconds
 
     def left_out(self, left: float | None) -> tuple[str, bool]:
@@ -141,13 +141,13 @@ class RelaxationQueue:
         parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []
         return f"relaxations not tried: {'; '.join(parts)}" if parts else "", bool(slow)
 
-    def state(self, spec: RelaxationSpec) -> None:
+    def remove_up_to(self, spec: RelaxationSpec) -> None:
         """Remove a relaxation and all weaker ones; it may return on a tightened box."""
-        again = [spec.tightened] if self._may_tighten(spec) else []
-        self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
+        tightened = [spec.tightened] if self._may_tighten(spec) else []
+        self.specs = [*tightened, *(r for r in self.specs if r.share > spec.share)]
         self.share = spec.share
 
-    def again(self, specs: Iterable[RelaxationSpec], worth: float = np.inf) -> None:
+    def requeue(self, specs: Iterable[RelaxationSpec], worth: float = np.inf) -> None:
         """Put relaxations back that may prove more on a smaller box.
 
         Parameters
@@ -156,9 +156,9 @@ class RelaxationQueue:
         worth : float
             Their worth is expected to be this at most, see :meth:`CostModel.learn`.
         """
-        back = list(specs)
-        self.specs = [*back, *self.specs]
-        self.expected |= {spec.name: worth for spec in back}
+        returned = list(specs)
+        self.specs = [*returned, *self.specs]
+        self.expected |= {spec.name: worth for spec in returned}
         self.share = 0.0
 
     def seconds(self, spec: RelaxationSpec) -> float:
