@@ -98,7 +98,7 @@ class AdaptiveSearch:
     history: list[HistoryEntry] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     outcome: CertifiedBound = field(init=False)
-    search: Search | None = None
+    tree: Search | None = None
     seen: int = 0
     exhausted: bool = False
     best: BoxBound = field(init=False)
@@ -135,8 +135,8 @@ class AdaptiveSearch:
         return self.context.closed(self.bound) or self.context.deadline.over
 
     @property
-    def left(self) -> float:
-        """The gap that is left, in gaps that count as closed."""
+    def gap_ratio(self) -> float:
+        """The gap, in gaps that count as closed."""
         return self._gap / max(self.context.allowed, 1e-300)
 
     def run(self, most: int | None = None) -> None:
@@ -161,7 +161,7 @@ class AdaptiveSearch:
                 done += 1
         finally:
             self.least_cutoff = self.context.cutoff
-            if self.search is not None:
+            if self.tree is not None:
                 self._close_search()
 
     @property
@@ -214,11 +214,11 @@ class AdaptiveSearch:
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
         # a gap shrinks about as fast as the widths of the branching variables: it may close now
-        smaller = max(STRATEGY.smaller_box, 1.0 / max(self.left, 1.0))
-        if self.search is None and self.tried and width.min(initial=1.0) < smaller:
+        smaller = max(STRATEGY.smaller_box, 1.0 / max(self.gap_ratio, 1.0))
+        if self.tree is None and self.tried and width.min(initial=1.0) < smaller:
             chosen = np.isin(np.flatnonzero(moved), self.shared_state.variables)
             kept = float(np.mean(width[chosen] if chosen.any() else width))
-            share = progress(self.left, self.left * kept, 1.0)
+            share = progress(self.gap_ratio, self.gap_ratio * kept, 1.0)
             self.queue.requeue((spec for spec, _, _ in self.tried), worth_of(share))
             self.tried = []
         self._shrink()
@@ -227,7 +227,7 @@ class AdaptiveSearch:
     def steps_below(self) -> tuple[Step, ...]:
         """Steps that tightened the own box below the cutoff, with those of the tree's root."""
         own = self.model.proof.steps[len(self.shared_model.proof.steps) :]
-        return own if self.search is None else (*own, *self.search.root_steps)
+        return own if self.tree is None else (*own, *self.tree.root_steps)
 
     def adopt(self, steps: tuple[Step, ...]) -> None:
         """Tighten the own box by steps that other searches below the cutoff have found.
@@ -250,12 +250,12 @@ class AdaptiveSearch:
 
     def _next(self) -> RelaxationSpec | str | None:
         """Select the step with the largest expected gain per second, None if none is left."""
-        if self.search is not None and not self.search.update_context(self.context):
-            self.seen, self.search = self.search.seen, None  # another tree must be grown
-        left = self.context.deadline.expected
+        if self.tree is not None and not self.tree.update_context(self.context):
+            self.seen, self.tree = self.tree.seen, None  # another tree must be grown
+        seconds_left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
-            best, most = self.queue.best(left)
-            order = self.queue.next_order(best, left)
+            best, most = self.queue.best(seconds_left)
+            order = self.queue.next_order(best, seconds_left)
         if order is not None:
             return order
         branch = self._branch_rate()
@@ -285,9 +285,9 @@ class AdaptiveSearch:
         limit = self.context.options.node_limit
         if "branch" in self.context.options.skip:
             return None
-        if self.search is not None:
-            over = limit is not None and self.search.seen >= limit
-            return None if over or self.search.done or self._idle(self.search) else self.rate
+        if self.tree is not None:
+            over = limit is not None and self.tree.seen >= limit
+            return None if over or self.tree.done or self._idle(self.tree) else self.rate
         if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen, node = self.shared_state.cost_model, max(1e-2, min(self.costs))
@@ -296,7 +296,7 @@ class AdaptiveSearch:
             return max(0.3 * rate, seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH]))
         return rate
 
-    def _idle(self, search: Search) -> bool:
+    def _idle(self, tree: Search) -> bool:
         """Check that a tree which nothing else ends has doubled in vain.
 
         Nothing ends it where no limit is given and the gap cannot close: without a way to attain
@@ -310,14 +310,14 @@ class AdaptiveSearch:
         else:
             stays_open = not self.context.attains
         nodes = self._gained[1]
-        return stays_open and search.seen - nodes >= max(STRATEGY.idle_nodes, nodes)
+        return stays_open and tree.seen - nodes >= max(STRATEGY.idle_nodes, nodes)
 
-    def _note_gain(self, search: Search) -> None:
+    def _note_gain(self, tree: Search) -> None:
         """Note where the bound has gained what counts as a gap, and more than rounding."""
-        bound = max(self.bound, search.bound)
+        bound = max(self.bound, tree.bound)
         least = max(self.context.allowed, STRATEGY.rounding * max(1.0, abs(bound)))
         if bound - self._gained[0] > least:
-            self._gained = bound, search.seen
+            self._gained = bound, tree.seen
 
     # ---- one step -----------------------------------------------------------------------------
 
@@ -357,7 +357,7 @@ class AdaptiveSearch:
             seconds=seconds,
             largest_block=max(relaxation.block_sizes, default=0) if relaxation else 0,
             moments=relaxation.moments.shape[0] if relaxation else 0,
-            nodes=self.search.seen if self.search is not None else self.seen,
+            nodes=self.tree.seen if self.tree is not None else self.seen,
         )
 
     def _relax(self, spec: RelaxationSpec) -> Relaxation | None:
@@ -379,8 +379,9 @@ class AdaptiveSearch:
         if same in self.solved:
             return None
         expected = self._expected(spec, relaxation)
-        left, seen = self.context.deadline.expected, self.shared_state.cost_model
-        self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
+        seconds_left, cost_model = self.context.deadline.expected, self.shared_state.cost_model
+        predicted = cost_model.pace * expected
+        self._put_off = seconds_left is not None and predicted > STRATEGY.over_time * seconds_left
         if self._put_off:
             self.queue.set_expected_seconds(spec, expected)
             return None
@@ -539,25 +540,25 @@ class AdaptiveSearch:
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
         slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, self.longest_slice))
-        if self.search is None:
+        if self.tree is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()
             search_incumbent, seen = self._search_in_tree, self.seen
-            self.search = Search(
+            self.tree = Search(
                 self.context, settings, proof, box, search_incumbent, root, seen=seen
             )
-        search, limit = self.search, self.context.options.node_limit
+        tree, limit = self.tree, self.context.options.node_limit
 
         def stop() -> bool:
-            self._note_gain(search)
-            late = self.context.deadline.now() - start > slice_ or self._idle(search)
-            return late or search.context.deadline.over or search.context.closed(search.bound)
+            self._note_gain(tree)
+            late = self.context.deadline.now() - start > slice_ or self._idle(tree)
+            return late or tree.context.deadline.over or tree.context.closed(tree.bound)
 
-        nodes = 10**9 if limit is None else limit - search.seen
-        search.grow(nodes, stop, self.context.options.executor)
-        self.context = search.context
-        self._reconsider(search)
-        if search.done or search.bound > self.bound:
+        nodes = 10**9 if limit is None else limit - tree.seen
+        tree.grow(nodes, stop, self.context.options.executor)
+        self.context = tree.context
+        self._reconsider(tree)
+        if tree.done or tree.bound > self.bound:
             self._close_search()
 
     def _leave_weak_tree(self) -> None:
@@ -565,22 +566,22 @@ class AdaptiveSearch:
 
         Each open node would need that relaxation once; another tree has it from its root on.
         """
-        search = self.search
-        if search is None or search.done or not self.tried:
+        tree = self.tree
+        if tree is None or tree.done or not self.tried:
             return
-        if self._gap < STRATEGY.weak_tree * (self.context.upper - search.bound):
-            self.seen, self.search, self.at_nodes = search.seen, None, self._strongest
+        if self._gap < STRATEGY.weak_tree * (self.context.upper - tree.bound):
+            self.seen, self.tree, self.at_nodes = tree.seen, None, self._strongest
 
     @property
     def _strongest(self) -> RelaxationSpec:
         """The relaxation of the root that proved most."""
         return max(self.tried, key=lambda entry: entry[1])[0]
 
-    def _reconsider(self, search: Search) -> None:
+    def _reconsider(self, tree: Search) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
-        slow = search.seen > STRATEGY.patience_nodes and search.settings.spec is None and self.tried
-        if slow and not search.done and not self.over:
-            search.settings = replace(search.settings, spec=self._strongest)
+        slow = tree.seen > STRATEGY.patience_nodes and tree.settings.spec is None and self.tried
+        if slow and not tree.done and not self.over:
+            tree.settings = replace(tree.settings, spec=self._strongest)
 
     def _plan(self) -> NodeSettings:
         """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
@@ -599,8 +600,8 @@ class AdaptiveSearch:
 
     def _close_search(self) -> None:
         """Accept the bound that the tree proves now."""
-        assert self.search is not None
-        certificate = self.search.certificate()
+        assert self.tree is not None
+        certificate = self.tree.certificate()
         if lower_bound(certificate) > self.bound:
             simpler = self.outcome.simpler or self.outcome.certificate
             self.outcome = replace(self.outcome, certificate=certificate, simpler=simpler)

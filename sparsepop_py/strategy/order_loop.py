@@ -407,22 +407,24 @@ def _of_linear_tree(found: LinearTreeResult) -> SearchState:
     )
 
 
-def run_adaptive(auto: AdaptiveSearch) -> SearchState:
+def run_adaptive(search: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
-        if _worth_without_box(auto.context.problem):
-            if auto.next_seconds <= max(STRATEGY.long_first, _seconds_without_box(auto)):
-                auto.run(STRATEGY.before_squares)
-            if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
-                auto.search_more_starts()
-            if not auto.over:
-                state = _without_box(_state_of(auto))
-                auto.outcome, auto.history = state.outcome, list(state.history)
-                auto.context = replace(auto.context, best=state.context.best)
-        auto.run()
+        if _worth_without_box(search.context.problem):
+            if search.next_seconds <= max(STRATEGY.long_first, _seconds_without_box(search)):
+                search.run(STRATEGY.before_squares)
+            if (
+                search.context.problem.degree > 2
+            ):  # else a bound without a box costs less than points
+                search.search_more_starts()
+            if not search.over:
+                state = _without_box(_state_of(search))
+                search.outcome, search.history = state.outcome, list(state.history)
+                search.context = replace(search.context, best=state.context.best)
+        search.run()
     except EARLY as cause:
-        auto.context.deadline.ended(cause)
-    return _state_of(auto)
+        search.context.deadline.ended(cause)
+    return _state_of(search)
 
 
 def _worth_without_box(problem: Problem) -> bool:
@@ -435,20 +437,20 @@ def _worth_without_box(problem: Problem) -> bool:
     return problem.degree > 2 and _restricted(problem)
 
 
-def _seconds_without_box(auto: AdaptiveSearch) -> float:
+def _seconds_without_box(search: AdaptiveSearch) -> float:
     """Estimate the least seconds of an exact Gram matrix of all variables.
 
     Its monomials are 1 and those whose squares occur. With several cliques blocks are small: 0.
     """
-    if auto.shared_state.cliques["constraints"].sizes.size > 1:
+    if search.shared_state.cliques["constraints"].sizes.size > 1:
         return 0.0
-    words = np.sort(auto.context.problem.objective.words, axis=1)[:, ::-1]
+    words = np.sort(search.context.problem.objective.words, axis=1)[:, ::-1]
     paired = words[:, 0::2][:, : words.shape[1] // 2] == words[:, 1::2]
     return least_seconds([1 + int((paired.all(axis=1) & words.any(axis=1)).sum())])
 
 
-def _state_of(auto: AdaptiveSearch) -> SearchState:
-    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
+def _state_of(search: AdaptiveSearch) -> SearchState:
+    return SearchState(search.context, search.outcome, search.candidates, tuple(search.history))
 
 
 def _orders(

@@ -50,12 +50,12 @@ class RelaxationQueue:
     def __post_init__(self) -> None:
         self.specs = list(self.shared_state.specs)
 
-    def best(self, left: float | None) -> tuple[RelaxationSpec | None, float]:
+    def best(self, seconds_left: float | None) -> tuple[RelaxationSpec | None, float]:
         """Select the relaxation with the largest expected gain per second.
 
         Parameters
         ----------
-        left : float or None
+        seconds_left : float or None
             CPU seconds that are expected to be left; relaxations expected to take over twice as
             long are left out. Linear programs prove something when they are stopped, and may take
             far longer.
@@ -70,7 +70,7 @@ class RelaxationQueue:
         best, most = None, 0.0
         for spec in map(self._prepared, self.specs):
             seconds = self.seconds(spec)
-            if not np.isfinite(seconds) or self._too_long(spec, seconds, left):
+            if not np.isfinite(seconds) or self._too_long(spec, seconds, seconds_left):
                 continue
             rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
             if spec.name in self.expected:
@@ -79,7 +79,9 @@ class RelaxationQueue:
                 best, most = spec, rate
         return best, most
 
-    def next_order(self, best: RelaxationSpec | None, left: float | None) -> RelaxationSpec | None:
+    def next_order(
+        self, best: RelaxationSpec | None, seconds_left: float | None
+    ) -> RelaxationSpec | None:
         """Select the next relaxation order where it should come before all else.
 
         What an order proves is hardly known before, and a cheap one that closes the gap saves what
@@ -91,7 +93,7 @@ class RelaxationQueue:
         ----------
         best : RelaxationSpec or None
             The relaxation with the largest expected gain per second.
-        left : float or None
+        seconds_left : float or None
             CPU seconds that are expected to be left.
 
         Returns
@@ -104,23 +106,23 @@ class RelaxationQueue:
             return None
         seconds = self.seconds(spec)
         most = STRATEGY.cheap
-        if best is not None and left is not None:
-            sure = STRATEGY.sure * left
+        if best is not None and seconds_left is not None:
+            sure = STRATEGY.sure * seconds_left
             most = max(most, sure) if self.seconds(best) > sure else most
-        return None if seconds > most or self._too_long(spec, seconds, left) else spec
+        return None if seconds > most or self._too_long(spec, seconds, seconds_left) else spec
 
-    def _too_long(self, spec: RelaxationSpec, seconds: float, left: float | None) -> bool:
-        if left is None:
+    def _too_long(self, spec: RelaxationSpec, seconds: float, seconds_left: float | None) -> bool:
+        if seconds_left is None:
             return False
         if spec.shape == "linear" and spec.name not in self.shared_state.cost_model.seconds:
-            return self._program > STRATEGY.stopped_program * left
-        return seconds > STRATEGY.over_time * left
+            return self._program > STRATEGY.stopped_program * seconds_left
+        return seconds > STRATEGY.over_time * seconds_left
 
     def set_expected_seconds(self, spec: RelaxationSpec, seconds: float) -> None:
         """Set the expected seconds of a relaxation that was built and not solved."""
         self.shared_state.estimates[spec.name] = seconds
 
-    def left_out(self, left: float | None) -> tuple[str, bool]:
+    def left_out(self, seconds_left: float | None) -> tuple[str, bool]:
         """Describe the relaxations that time or memory do not allow.
 
         Returns
@@ -135,7 +137,7 @@ class RelaxationQueue:
             seconds = self.seconds(spec)
             if not np.isfinite(seconds):
                 large.append(spec.name)
-            elif self._too_long(spec, seconds, left):
+            elif self._too_long(spec, seconds, seconds_left):
                 slow.append(f"{spec.name} (about {seconds:.2g} s)")
         parts = [f"{TOO_LONG}: {', '.join(slow)}"] if slow else []
         parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []

@@ -95,10 +95,10 @@ class WorkingSetSearch:
         Whether the whole search has to go on.
     spent : float
         Seconds of all steps so far.
-    judged : int
+    judged_nodes : int
         Nodes of the tree on the set when its gain was judged last; 0 before.
-    left : float
-        The gap that it left by then, in gaps that count as closed.
+    judged_gap_ratio : float
+        The gap by then, in gaps that count as closed.
     before : (Subproblem, tuple of Step) or None
         A smaller set, and the steps that tightened the box there: the next search begins with them.
     given : Tightening or None
@@ -110,8 +110,8 @@ class WorkingSetSearch:
     long: bool = True
     done: bool = False
     spent: float = 0.0
-    judged: int = 0
-    left: float = np.inf
+    judged_nodes: int = 0
+    judged_gap_ratio: float = np.inf
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
@@ -137,13 +137,13 @@ class WorkingSetSearch:
             self._hand_over()
             return False
         assert self.search is not None
-        left = self.search.left
+        before = self.search.gap_ratio
         self.search.run(1)
         self._take()
         if not self.spent:
-            share, seconds = progress(left, self.search.left, 1.0), deadline.now() - start
+            share, seconds = progress(before, self.search.gap_ratio, 1.0), deadline.now() - start
             self.costs.learn(_FIRST, share, seconds, goes_on=True)
-        slow = self._slow(left)
+        slow = self._slow(before)
         if not self.whole.over:
             self._grow(slow)
         self.spent += deadline.now() - start
@@ -236,28 +236,28 @@ class WorkingSetSearch:
         if self.search is not None and self.small is not None:
             self.before = self.small, self.search.steps_below
         self.rows, self.search = rows, None
-        self.judged = 0
+        self.judged_nodes = 0
         self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
         return True
 
     @property
     def _nodes(self) -> int:
         """Nodes of the tree on this set, 0 before the first."""
-        tree = None if self.search is None else self.search.search
+        tree = None if self.search is None else self.search.tree
         return 0 if tree is None else tree.seen
 
-    def _slow(self, left: float) -> bool:
-        """Check whether a tree gained little; ``left`` is the gap before the step.
+    def _slow(self, gap_ratio: float) -> bool:
+        """Check whether a tree gained little; ``gap_ratio`` is that before the step.
 
         The bound of a node moves with the second of its children: two nodes are judged at a time.
         """
         assert self.search is not None
-        new = self._nodes - self.judged
-        if new < 1 or (new == 1 and self.judged):
+        new = self._nodes - self.judged_nodes
+        if new < 1 or (new == 1 and self.judged_nodes):
             return False
-        before = self.left if self.judged else left
-        self.left, self.judged = self.search.left, self._nodes
-        return self.left > STRATEGY.worth_turn * before
+        before = self.judged_gap_ratio if self.judged_nodes else gap_ratio
+        self.judged_gap_ratio, self.judged_nodes = self.search.gap_ratio, self._nodes
+        return self.judged_gap_ratio > STRATEGY.worth_turn * before
 
     def _grow(self, slow: bool) -> None:
         """Add constraints that the last point, or the minimiser near it, contradicts.
@@ -271,7 +271,7 @@ class WorkingSetSearch:
         best = self.whole.context.best
         if point is not None and best is not None:
             x = self.small.point(point, best.x)
-            if self.search.left < STRATEGY.tight and (slow or not self._nodes):
+            if self.search.gap_ratio < STRATEGY.tight and (slow or not self._nodes):
                 self._joined(x)
             self._complete(x)
         if slow and self.search is not None and not self.whole.over:

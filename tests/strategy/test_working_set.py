@@ -243,7 +243,7 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
 )
 def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, gaps, slow):
     own = with_tree(0, gaps[0])
-    for own.search.search.seen, before, own.search.left in zip(
+    for own.search.tree.seen, before, own.search.gap_ratio in zip(
         nodes, gaps[:-1], gaps[1:], strict=True
     ):
         found = own._slow(before)
@@ -252,7 +252,7 @@ def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, g
 
 def with_tree(nodes, left, whole=None):
     """A search on a working set whose tree has nodes and leaves a gap."""
-    search = SimpleNamespace(search=SimpleNamespace(seen=nodes), left=left, point=np.zeros(1))
+    search = SimpleNamespace(tree=SimpleNamespace(seen=nodes), gap_ratio=left, point=np.zeros(1))
     return WorkingSetSearch(cast(Any, whole), CostModel(), search=cast(Any, search))
 
 
@@ -380,7 +380,7 @@ def tightened_set():
 def test_the_next_set_and_the_whole_begin_with_the_box_of_the_tree():
     """The cutoff and two constraints more: what the tree proved holds there."""
     own = tightened_set()
-    tree = own.search.search
+    tree = own.search.tree
     assert any(isinstance(step, Tightening) for step in tree.root_steps)
     width = tree._root.box.width()[0]
     assert width < own.whole.model.box.width()[0]
@@ -426,14 +426,14 @@ def test_sets_begin_with_stars():
 )
 def test_a_turn_on_a_set_goes_on_where_little_is_left(left, on_set, steps):
     taken = []
-    auto = SimpleNamespace(
+    search = SimpleNamespace(
         context=SimpleNamespace(upper=1.0),
         bound=0.0,
-        left=left,
+        gap_ratio=left,
         over=False,
         restart=lambda model: None,
         run=taken.append,
     )
     own = SimpleNamespace(step=lambda: taken.append(1) is None) if on_set else None
-    Turn(cast(Any, auto), cast(Any, own), cast(Any, None), 3).take()
+    Turn(cast(Any, search), cast(Any, own), cast(Any, None), 3).take()
     assert len(taken) == steps
