@@ -14,13 +14,13 @@ from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, is_open, report_ends
 from setid.bounding.long_records import equations
 from setid.feasible_points.cascades import (
-    CascadeEnds,
+    SimulatedEnds,
     attained_result,
-    cascade_ends,
+    box_near_ends,
     is_cascade,
     on_box,
     point_of,
-    tightened_cascade,
+    simulated_ends,
 )
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
@@ -77,7 +77,7 @@ def by_simulation(
         None where no box to begin with is finite.
     """
     fits = context.deadline.part(_FITS if is_cascade(formulation) else _FIT)
-    found = context.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
+    found = context.kept("start", lambda: simulated_ends(formulation, parts, box, fits), None)
     if found is None:
         return None
     begin, number = time.monotonic(), 2 * len(formulation.parameters)
@@ -87,7 +87,7 @@ def by_simulation(
     cells = _CELLS if is_cascade(formulation) or equations(formulation) > _REGIONS else 0
     near = inf if is_cascade(formulation) else _NEAR
     deadline, tol = context.deadline.part(share), context.settings.tol
-    tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
+    tighten = partial(box_near_ends, found, box, tol, deadline, cells, near)
     tightened: ProvedBox | None = context.kept("cells", tighten, None)
     left = found.ends and (tightened is None or tightened.cut_short)
     if (
@@ -115,7 +115,9 @@ def by_simulation(
     )
 
 
-def _engine_is_faster(formulation: Formulation, found: CascadeEnds, box: ProvedBox | None) -> bool:
+def _engine_is_faster(
+    formulation: Formulation, found: SimulatedEnds, box: ProvedBox | None
+) -> bool:
     """Check that cones take longer: on short records of low order whose box is not very wide."""
     if box is None or equations(formulation) > _REGIONS:
         return False
@@ -129,7 +131,7 @@ def _engine_is_faster(formulation: Formulation, found: CascadeEnds, box: ProvedB
 def _by_denominators(
     formulation: Formulation,
     context: BoundingContext,
-    found: CascadeEnds,
+    found: SimulatedEnds,
     box: ProvedBox | None,
     deadline: Deadline,
 ) -> ProvedBox | None:
@@ -142,13 +144,13 @@ def _by_denominators(
     cones = denominator_box(formulation, box, attained, tol, deadline, executor)
     if cones is None or cones.empty or not cones.cut_short:
         return cones
-    return tightened_cascade(on_box(found, cones), cones, tol, context.deadline, 0) or cones
+    return box_near_ends(on_box(found, cones), cones, tol, context.deadline, 0) or cones
 
 
 def _attained_ends(
     formulation: Formulation,
     box: ProvedBox | None,
-    found: CascadeEnds,
+    found: SimulatedEnds,
     ends: Iterable[int],
     deadline: Deadline,
 ) -> tuple[sp.Result, ...]:

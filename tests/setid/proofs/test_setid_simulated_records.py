@@ -12,7 +12,7 @@ import pytest
 
 import setid
 from setid.bounding import engine, long_records, simulations
-from setid.feasible_points.cascades import cascade_ends, tightened_cascade
+from setid.feasible_points.cascades import box_near_ends, simulated_ends
 from setid.feasible_set.start import find_box
 from setid.proofs.parameter_box import box_follows, start_of
 from setid.proofs.simulated.forms import Region
@@ -150,10 +150,9 @@ def noisy(samples: int = 130, bound: float = 0.05) -> setid.IOData:
 def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_ends() -> None:
     known = formulated(noisy(), output=0.05)
     box, parts = find_box(known), recursion_of(known)
-    reached = cascade_ends(known, parts, box, Deadline(60.0))
+    reached = simulated_ends(known, parts, box, Deadline(60.0))
     leaves = [
-        tightened_cascade(reached, box, 1e-3, Deadline(60.0), 3, near).leaves
-        for near in (0.0, np.inf)
+        box_near_ends(reached, box, 1e-3, Deadline(60.0), 3, near).leaves for near in (0.0, np.inf)
     ]
     assert leaves[0] == 1 < leaves[1]
 
