@@ -46,7 +46,8 @@ from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior, listed
-from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
+from setid.proofs.denominators.denominator_cells import DenominatorCells
+from setid.proofs.denominators.output_rows import output_rows
 from setid.proofs.driven import driven
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import rows_say_all
@@ -83,7 +84,7 @@ _MULTIPLIED = (
 )
 _DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
 _SEARCH = 5.0  # seconds for a better estimate
-_MANY = 100  # equations: where cells of denominators come first
+_MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
 _ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of products are unknowns
@@ -282,7 +283,7 @@ def consistency(
     For equation errors this is a linear program and settled exactly. Otherwise emptiness of
     boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
     small as the rounding of the readings is not resolved further. Long records of noisy outputs
-    are bounded from below by cells of denominators, which need no box of the parameters.
+    are bounded from below by cones of denominators, which need no box of the parameters.
     A discretisation error bound of a continuous-time model counts as output noise.
     Of several denominators with an offset the rows have the offset of the equation in place of that
     of the output, unless a prior speaks of it; ``formulation.model`` and ``assumptions`` say so.
@@ -456,7 +457,7 @@ def _by_engine(
     )
 
 
-# ---- long records of noisy outputs: cells of denominators --------------------------------
+# ---- long records of noisy outputs: cones of denominators --------------------------------
 
 
 def _equations(formulation: Formulation) -> int:

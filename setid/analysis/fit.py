@@ -70,7 +70,7 @@ Errors = Literal["output", "equation"]
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
-_CELLS = 0.5  # of the time, for cells of denominators
+_CELLS = 0.5  # of the time, for cones of denominators
 _PART = 0.5  # of the tolerance, for them
 _WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
 _GAPS = (
@@ -489,7 +489,7 @@ def _known(
 def _refuted(
     formulation: Formulation, norm: Norm, settings: Options, until: float
 ) -> FoundDenominators:
-    """Refute errors by cells of denominators, where there is one output."""
+    """Refute errors by cones of denominators, where there is one output."""
     rows = error_rows(formulation, norm, 1.0)
     if rows is None or rows.order == 0:
         return FoundDenominators(0.0, None, ())

@@ -25,7 +25,7 @@ from setid.feasible_points.cascades import (
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.minimum_noise.cones.feasible_box import denominator_box
-from setid.proofs.denominators.denominator_cells import output_rows
+from setid.proofs.denominators.output_rows import output_rows
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 from setid.proofs.row_boxes import RowBox

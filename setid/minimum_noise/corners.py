@@ -19,15 +19,9 @@ from numpy.typing import NDArray
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
 from setid.minimum_noise.programs import Programs, shifted
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    let_through,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, parted_cone
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
 from sparsepop_py.budget import Deadline
 
@@ -132,7 +126,7 @@ class _Search:
             self._level = level
             found = monic(vector, self._rows.stable)
             self._best = self._best if found is None else [found[1:], *self._best[:4]]
-        noise = float(let_through(self._rows, vector @ shifted(multiplier, self._rows.order)))
+        noise = float(dual_norm(self._rows, vector @ shifted(multiplier, self._rows.order)))
         if not (np.isfinite(noise) and noise > 0.0):
             return None
         multiplier = multiplier * (size * size / noise)
@@ -149,7 +143,7 @@ class _Search:
         value = vectors @ np.array([corner.moment for corner in corners]).T
         filtered = np.einsum("jv,kvn->jkn", vectors, ahead)
         needed = value[one, two] + value[two, one]
-        noise = let_through(self._rows, filtered[one, two] + filtered[two, one])
+        noise = dual_norm(self._rows, filtered[one, two] + filtered[two, one])
         ratio = needed / np.maximum(noise, 1e-300)
         apart = np.where(one == two, np.inf, ratio)
         place = int(np.argmin(apart))

@@ -23,15 +23,9 @@ from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, programs_of, shifted
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    DenominatorCells,
-    OutputRows,
-    first_cones,
-    let_through,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, parted_cone
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, dual_norm
+from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.budget import Deadline
 
 __all__ = ["FoundDenominators", "least_output_noise"]
@@ -217,7 +211,7 @@ class _Search:
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
-        return let_through(self._rows, vectors @ shifted(multiplier, self._rows.order))
+        return dual_norm(self._rows, vectors @ shifted(multiplier, self._rows.order))
 
     def _bound(self, grown: _Grown) -> tuple[float, Reals]:
         """The factor that weighted multipliers refute in a cone, and their signed weights."""

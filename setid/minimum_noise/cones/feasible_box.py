@@ -26,6 +26,7 @@ from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, ort
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs, programs_of
+from setid.proofs.denominators.cones import first_cones, parted_cone
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
@@ -33,15 +34,8 @@ from setid.proofs.denominators.denominator_box import (
     ratio_ends,
     upright,
 )
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    doubts,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, correction_bounds
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, family_refutes
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
@@ -281,8 +275,10 @@ class _Search:
         table = self._table(orthogonal(found.bound.multipliers, self._programs.basis))
         numbers, minors = tuple(range(len(table))), tuple(found.bound.minors.tolist())
         leaf = VaryingLeaf((numbers,), (1.0,), found.powers, minors)
-        doubt = doubts(self._rows, self._free, table)
-        if doubt is None or not family_refutes(self._rows, table, doubt, grown.node.cone, leaf):
+        corrections = correction_bounds(self._rows, self._free, table)
+        if corrections is None or not family_refutes(
+            self._rows, table, corrections, grown.node.cone, leaf
+        ):
             return False
         self._cells[grown.number] = leaf._replace(used=(self._family(table),))
         return True

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from setid.minimum_noise.cones import plain_steps
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
 from setid.minimum_noise.programs import Programs
-from setid.proofs.denominators.denominator_cells import Cone
+from setid.proofs.denominators.cones import Cone
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
 __all__ = ["EXACT", "QUICK", "ConeBound", "ConePrograms", "Effort"]

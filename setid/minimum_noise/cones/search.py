@@ -26,13 +26,9 @@ from setid.minimum_noise.cones.limits import orthogonal
 from setid.minimum_noise.cones.linear_programs import ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import first_cones, parted_cone
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from sparsepop_py.budget import Deadline
 from sparsepop_py.errors import SparsePOPError

@@ -30,14 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
-from setid.proofs.denominators.denominator_cells import (
-    Cone,
-    OutputRows,
-    VaryingLeaf,
-    doubts,
-    is_ordinary,
-    output_rows,
-)
+from setid.proofs.denominators.cones import Cone
+from setid.proofs.denominators.denominator_cells import VaryingLeaf, correction_bounds, is_ordinary
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import (
     VaryingCells,
     exceeds,
@@ -163,10 +158,10 @@ def limit_holds(
         return False
     aims = np.zeros((len(family), rows.known.shape[1]))
     aims[:, limit.column] = -limit.sign * shares
-    doubt = doubts(rows, free, family, aims)
-    if doubt is None:
+    corrections = correction_bounds(rows, free, family, aims)
+    if corrections is None:
         return False
-    needed, noise = sides(rows, family, doubt, vectors, np.arange(len(cone))[None])
+    needed, noise = sides(rows, family, corrections, vectors, np.arange(len(cone))[None])
     one, two = np.array(pairs(len(cone))).T
     gained = limit.value * (vectors[one, 0] * shares[two] + vectors[two, 0] * shares[one])
     minors = np.zeros((0, one.size))
@@ -267,8 +262,8 @@ def _hull(
     if not 0 <= tree.output < formulation.model.outputs:
         return None
     rows = output_rows(formulation, tree.output)
-    left = None if rows is None else tree.left(rows)
-    if rows is None or left is None:
+    unrefuted = None if rows is None else tree.unrefuted(rows)
+    if rows is None or unrefuted is None:
         return None
     cones = tree.cones(rows)
     assert cones is not None
@@ -284,7 +279,7 @@ def _hull(
             known[part] = _met(known[part], known[number])
     own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
     hull = np.full_like(inside[0], inf), np.full_like(inside[1], -inf)
-    for number in left:
+    for number in unrefuted:
         ends, (low, high) = ratio_ends(cones[number]), known[number]
         low, high = low.copy(), high.copy()
         for lag, place in own:

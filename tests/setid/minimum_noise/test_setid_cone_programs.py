@@ -26,14 +26,9 @@ from setid.minimum_noise.cones.nodes import Examined
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    OutputRows,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, parted_cone
+from setid.proofs.denominators.denominator_cells import Cell
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.processes import Processes

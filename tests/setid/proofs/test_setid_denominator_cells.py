@@ -1,4 +1,4 @@
-"""Refuted noise by cells of denominators: by hand, against linear programs, and forged claims."""
+"""Refuted noise by cones of denominators: by hand, against linear programs, and forged claims."""
 
 from __future__ import annotations
 
@@ -11,14 +11,9 @@ from scipy.optimize import linprog
 import setid
 from setid.minimum_noise.denominators import least_output_noise
 from setid.models.lti import Form
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    DenominatorCells,
-    _inverse,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import first_cones, parted_cone
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, _inverse
+from setid.proofs.denominators.output_rows import output_rows
 from sparsepop_py.budget import Deadline
 
 STATIC = setid.TransferFunction(na=0, nb=1)
