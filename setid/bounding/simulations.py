@@ -41,8 +41,8 @@ _FIT = 0.6  # ... and of a long record from one
 _MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _LEAST = 1e-3  # seconds for the part that is, when the time is over
-_CELLS = 2000  # regions that are parted at most
-_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
+_CELLS = 2000  # regions that are split at most
+_REGIONS = 1000  # equations beyond which regions are split before the engine is asked
 _NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
 _CONES = 0.9  # of the time, for cones of denominators
 _WIDE = 150.0  # attained widths: from a box this wide on they are faster than the engine
@@ -58,7 +58,7 @@ def by_simulation(
 ) -> Identification | None:
     """Bound all parameters by simulations over regions.
 
-    Regions are parted where the engine has no better way: for cascades, and for long records whose
+    Regions are split where the engine has no better way: for cascades, and for long records whose
     first region is near the attained ends.
 
     Parameters

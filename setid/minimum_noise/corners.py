@@ -4,7 +4,7 @@ For one denominator the least sum of the sizes of errors is a linear program, an
 a multiplier, 1 or -1 at most samples. Hence a multiplier lets more noise through at once where the
 denominator is another one. A cone is bounded by the family of the multipliers at
 its vectors (:mod:`setid.proofs.denominators.varying_multipliers`), which follow the denominator, so
-that the gap is of second order in the width of the cone. Cones with the least bound are parted
+that the gap is of second order in the width of the cone. Cones with the least bound are split
 first, at the pair of vectors that says least.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
 from setid.minimum_noise.programs import Programs, shifted
-from setid.proofs.denominators.cones import Cone, first_cones, parted_cone
+from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
@@ -82,7 +82,7 @@ class _Search:
             enough = low >= min((1.0 - self._tol) * self._level, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
-            self._part(low, number, cone, edge)
+            self._split(low, number, cone, edge)
         none = np.zeros((0, self._rows.y.size))
         assert self._programs.free is not None
         claim = VaryingCells(self._output, self._programs.free, none, tuple(self._cells))
@@ -149,15 +149,15 @@ class _Search:
         place = int(np.argmin(apart))
         return max(0.0, float(ratio.min())), (int(one[place]), int(two[place]))
 
-    def _part(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
+    def _split(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
         i, j = edge
         sizes = [max(abs(int(v)) for v in cone[place].tolist()) for place in edge]
         weights = edge_weights(sizes[1].bit_length() - sizes[0].bit_length())
-        parts = parted_cone(cone, (i, j), weights) if i != j else None
-        if parts is None:  # too thin: it stays a leaf
+        halves = split_cone(cone, (i, j), weights) if i != j else None
+        if halves is None:  # too thin: it stays a leaf
             self._cap = min(self._cap, low)
             return
         first = len(self._cells)
         self._cells[number] = Cell((first, first + 1), (i, j), weights)
-        for part in parts:
-            self._add(part)
+        for half in halves:
+            self._add(half)

@@ -1,7 +1,7 @@
-"""Search for a box of the parameters: cones of denominators, parted until none reaches far.
+"""Search for a box of the parameters: cones of denominators, split until none reaches far.
 
 Best first: the cone that reaches farthest beyond the ends that consistent parameters attain is
-refuted, or parted at its longest edge. Where the denominators of all cones that are left lie near
+refuted, or split at its longest edge. Where the denominators of all cones that are left lie near
 those ends, so do, by programs of their own, the gains on each cone. First all ends are brought
 near, then as near as is asked; of orders from 3 on without a prior only the gains, since the engine
 closes denominators sooner within a box that is near.
@@ -26,7 +26,7 @@ from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, ort
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs, programs_of
-from setid.proofs.denominators.cones import first_cones, parted_cone
+from setid.proofs.denominators.cones import first_cones, split_cone
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
@@ -63,7 +63,7 @@ _TINY = 1e-300
 
 
 @dataclass(slots=True)
-class _Grown:
+class _OpenCone:
     """A cone that is left, the ends of the parameters on it, and whether it was examined."""
 
     node: ConeNode
@@ -91,7 +91,7 @@ def denominator_box(
     attained : (lower, upper), each (p,) float
         Ends that consistent parameters reach.
     tol : float
-        Of the attained widths: cones that reach less far beyond are not parted.
+        Of the attained widths: cones that reach less far beyond are not split.
     deadline : Deadline
     executor : concurrent.futures.Executor, optional
         Examines several cones at once.
@@ -174,7 +174,7 @@ class _Search:
         self._cells: list[Cell | VaryingLeaf] = []  # by number, as what follows
         self._wholes: list[int] = []  # -1 for the first ones
         self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
-        self._waiting: list[tuple[_Order, int, _Grown]] = []
+        self._waiting: list[tuple[_Order, int, _OpenCone]] = []
         self._count, self._share, self._least = 0, _SHARES[0], 0.0
         self._thin = False  # whether a cone was left as too thin
         for cone in first_cones(rows.order, rows.stable):
@@ -186,18 +186,18 @@ class _Search:
         size = np.maximum(np.abs(self._low), np.abs(self._high))
         return np.maximum(self._high - self._low, 1e-12 * size + _TINY)
 
-    def _beyond(self, grown: _Grown, places: Sequence[int]) -> float:
+    def _beyond(self, open_cone: _OpenCone, places: Sequence[int]) -> float:
         """Distance of ends beyond the attained ones, the largest, in attained widths."""
         with np.errstate(invalid="ignore"):
-            far = np.maximum(self._low - grown.low, grown.high - self._high) / self._width()
+            far = np.maximum(self._low - open_cone.low, open_cone.high - self._high) / self._width()
         return float(np.max(far[list(places)], initial=0.0))
 
-    def _order(self, grown: _Grown) -> _Order:
+    def _order(self, open_cone: _OpenCone) -> _Order:
         """Denominators first: of gains nothing is known before."""
-        own = self._beyond(grown, [place for _, place in self._own])
+        own = self._beyond(open_cone, [place for _, place in self._own])
         if own > max(self._share, self._least):
             return 0, -own
-        return 1, -self._beyond(grown, [place for _, place, _ in self._gains])
+        return 1, -self._beyond(open_cone, [place for _, place, _ in self._gains])
 
     def _is_far(self, order: _Order) -> bool:
         return order[0] == 0 or -order[1] > self._share
@@ -205,7 +205,7 @@ class _Search:
     # ---- the search ------------------------------------------------------------------------
 
     def run(self, tol: float, least: float) -> bool:
-        """Part cones until none reaches farther than is asked; tell if all came as near.
+        """Split cones until none reaches farther than is asked; tell if all came as near.
 
         Denominators need not be nearer than ``least``.
         """
@@ -218,11 +218,11 @@ class _Search:
             return False
 
     def _reached(self, share: float) -> bool:
-        """Part cones until none reaches farther than a share of the widths, or time ends."""
+        """Split cones until none reaches farther than a share of the widths, or time ends."""
         self._share = share
-        again, self._waiting = [grown for _, _, grown in self._waiting], []
-        for grown in again:
-            self._push(grown)
+        again, self._waiting = [open_cone for _, _, open_cone in self._waiting], []
+        for open_cone in again:
+            self._push(open_cone)
         while self._waiting and self._is_far(self._waiting[0][0]):
             if self._ended:
                 return False
@@ -235,24 +235,24 @@ class _Search:
         return size > _MEMORY or self._deadline.over
 
     def _advance(self) -> None:
-        """Refute, bound or part the cones that reach farthest."""
-        batch: list[_Grown] = []
+        """Refute, bound or split the cones that reach farthest."""
+        batch: list[_OpenCone] = []
         while self._waiting and len(batch) < self._ahead and self._is_far(self._waiting[0][0]):
             batch.append(heapq.heappop(self._waiting)[2])
-        new = [grown for grown in batch if not grown.examined]
-        tasks = [(self._cones, grown.node, _OVER) for grown in new]
+        new = [open_cone for open_cone in batch if not open_cone.examined]
+        tasks = [(self._cones, open_cone.node, _OVER) for open_cone in new]
         refuted = set[int]()
-        for grown, found in zip(new, self._mapped(examined, tasks), strict=True):
-            if self._refuted(grown, found):
-                refuted.add(grown.number)
-        batch = [grown for grown in batch if grown.number not in refuted]
+        for open_cone, found in zip(new, self._mapped(examined, tasks), strict=True):
+            if self._refuted(open_cone, found):
+                refuted.add(open_cone.number)
+        batch = [open_cone for open_cone in batch if open_cone.number not in refuted]
         if not self._ended:
-            self._limit([grown for grown in batch if self._order(grown)[0] == 1])
-        for grown in batch:
-            if self._is_far(self._order(grown)) and not self._ended:
-                self._part(grown)
+            self._limit([open_cone for open_cone in batch if self._order(open_cone)[0] == 1])
+        for open_cone in batch:
+            if self._is_far(self._order(open_cone)) and not self._ended:
+                self._split(open_cone)
             else:
-                self._push(grown)
+                self._push(open_cone)
 
     def _mapped(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         try:
@@ -261,14 +261,14 @@ class _Search:
             self._executor, self._ahead = None, 1
             return [work(task) for task in tasks]
 
-    def _refuted(self, grown: _Grown, found: Examined) -> bool:
+    def _refuted(self, open_cone: _OpenCone, found: Examined) -> bool:
         """Keep what refutes a cone; else what is new of it."""
-        grown.node, grown.examined = found.node, True
+        open_cone.node, open_cone.examined = found.node, True
         if found.tried is not None and found.level < 1.0:
             self._attain(found.tried)
         if found.bound is None:
             assert found.unstable is not None
-            self._cells[grown.number] = found.unstable
+            self._cells[open_cone.number] = found.unstable
             return True
         if found.bound.factor < 1.0:
             return False
@@ -277,10 +277,10 @@ class _Search:
         leaf = VaryingLeaf((numbers,), (1.0,), found.powers, minors)
         corrections = correction_bounds(self._rows, self._free, table)
         if corrections is None or not family_refutes(
-            self._rows, table, corrections, grown.node.cone, leaf
+            self._rows, table, corrections, open_cone.node.cone, leaf
         ):
             return False
-        self._cells[grown.number] = leaf._replace(used=(self._family(table),))
+        self._cells[open_cone.number] = leaf._replace(used=(self._family(table),))
         return True
 
     def _table(self, multipliers: Reals, bits: int = _BITS) -> Reals:
@@ -305,69 +305,71 @@ class _Search:
         self._multipliers += list(multipliers)
         return tuple(range(begin, begin + len(multipliers)))
 
-    def _limit(self, batch: Sequence[_Grown]) -> None:
+    def _limit(self, batch: Sequence[_OpenCone]) -> None:
         """Bound the gains that reach too far."""
-        asked: list[tuple[_Grown, int, int, int]] = []
+        asked: list[tuple[_OpenCone, int, int, int]] = []
         tasks: list[LimitTask] = []
-        for grown in batch:
-            cone = upright(grown.node.cone)
+        for open_cone in batch:
+            cone = upright(open_cone.node.cone)
             if cone is None:
                 continue
-            node = grown.node._replace(cone=cone)
+            node = open_cone.node._replace(cone=cone)
             for column, place, own in self._gains:
                 room = self._share * self._width()[place]
                 for sign in (1, -1):
                     upper = sign * own > 0
                     end = self._high[place] if upper else -self._low[place]
-                    now = grown.high[place] if upper else -grown.low[place]
+                    now = open_cone.high[place] if upper else -open_cone.low[place]
                     if now - end > room:
-                        asked.append((grown, column, place, sign))
+                        asked.append((open_cone, column, place, sign))
                         aim = end + _WITHIN * room
                         tasks.append(LimitTask(self._solvers[column], node, sign, aim, _OVER))
-        for (grown, column, place, sign), found in zip(
+        for (open_cone, column, place, sign), found in zip(
             asked, self._mapped(limited, tasks), strict=True
         ):
-            self._keep_limit(grown, (column, place, sign), found)
+            self._keep_limit(open_cone, (column, place, sign), found)
 
-    def _keep_limit(self, grown: _Grown, which: tuple[int, int, int], found: FoundLimit) -> None:
+    def _keep_limit(
+        self, open_cone: _OpenCone, which: tuple[int, int, int], found: FoundLimit
+    ) -> None:
         column, place, sign = which
         upper = sign * self._rows.gains[column][1] > 0
-        ends, cone = grown.high if upper else -grown.low, grown.node.cone
+        ends, cone = open_cone.high if upper else -open_cone.low, open_cone.node.cone
         value = found.value + _LOSS * float(self._width()[place])
         if not value < ends[place]:
             return
         table = self._table(found.multipliers, _LIMIT_BITS)
         numbers = tuple(range(len(table)))
-        limit = Limit(grown.number, column, sign, value, numbers, found.powers, found.minors)
+        limit = Limit(open_cone.number, column, sign, value, numbers, found.powers, found.minors)
         if not limit_holds(self._rows, self._free, table, cone, limit):
             return
         limit = limit._replace(used=self._family(table))
-        self._limits[grown.number, column, sign] = limit
+        self._limits[open_cone.number, column, sign] = limit
         if upper:
-            grown.high[place] = value
+            open_cone.high[place] = value
         else:
-            grown.low[place] = -value
+            open_cone.low[place] = -value
 
-    def _part(self, grown: _Grown) -> None:
-        """Part a cone; one that is too thin is left."""
-        if self._is_thin(grown):
+    def _split(self, open_cone: _OpenCone) -> None:
+        """Split a cone; one that is too thin is left."""
+        if self._is_thin(open_cone):
             self._thin = True
             return
-        edge = self._edge(grown.node)
-        parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
-        if edge is None or parts is None:
+        edge = self._edge(open_cone.node)
+        halves = None if edge is None else split_cone(open_cone.node.cone, edge[:2], edge[2])
+        if edge is None or halves is None:
             return
         first = len(self._cells)
-        for part in parts:
-            node = grown.node._replace(cone=part, centred=False)
-            self._file(node, grown.number, (grown.low, grown.high))
-        self._cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
+        for half in halves:
+            node = open_cone.node._replace(cone=half, centred=False)
+            self._file(node, open_cone.number, (open_cone.low, open_cone.high))
+        self._cells[open_cone.number] = Cell((first, first + 1), edge[:2], edge[2])
 
-    def _is_thin(self, grown: _Grown) -> bool:
+    def _is_thin(self, open_cone: _OpenCone) -> bool:
         """Check that all denominators of a cone are as good as one, which is not refuted."""
         places = [place for _, place in self._own]
         room = self._share * self._width()[places]
-        return bool(places and np.all((grown.high - grown.low)[places] <= _THIN * room))
+        return bool(places and np.all((open_cone.high - open_cone.low)[places] <= _THIN * room))
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
@@ -397,11 +399,11 @@ class _Search:
         for lag, place in self._own:
             low[place], high[place] = max(low[place], least[lag]), min(high[place], most[lag])
         if np.all(low <= high):
-            self._push(_Grown(node, number, low, high))
+            self._push(_OpenCone(node, number, low, high))
 
-    def _push(self, grown: _Grown) -> None:
+    def _push(self, open_cone: _OpenCone) -> None:
         self._count += 1
-        heapq.heappush(self._waiting, (self._order(grown), self._count, grown))
+        heapq.heappush(self._waiting, (self._order(open_cone), self._count, open_cone))
 
     # ---- what is proved --------------------------------------------------------------------
 

@@ -42,7 +42,7 @@ class ConeNode(NamedTuple):
     products : (K, K) float
         Weights of pairs that are hard to refute.
     edges : (K, K) float
-        Weights of edges: less than 1 where partings left a part as hard to refute.
+        Weights of edges: less than 1 where splits left a half as hard to refute.
     """
 
     cone: Cone

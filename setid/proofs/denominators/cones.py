@@ -15,7 +15,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cone", "first_cones", "parted_cone"]
+__all__ = ["Cone", "first_cones", "split_cone"]
 
 Cone = NDArray[np.object_]  # rows of Python's integers
 _LARGEST_ENTRY = 2**400  # of a vector: its doubles are finite
@@ -49,10 +49,10 @@ def first_cones(order: int, stable: bool) -> list[Cone]:
     ]
 
 
-def parted_cone(
+def split_cone(
     cone: Cone, edge: tuple[int, int], weights: tuple[int, int]
 ) -> tuple[Cone, Cone] | None:
-    """Part a cone at a vector on an edge; None where it is no such vector.
+    """Split a cone at a vector on an edge; None where it is no such vector.
 
     Parameters
     ----------

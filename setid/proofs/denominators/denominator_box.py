@@ -16,7 +16,7 @@ So b < beta on the whole cone if, for each pair j <= k,
         + v_k * lambda_j)(i)  -  sum_r sigma_r H_r(j, k)  >  0:
 
 were b >= beta, the left side of the rows would exceed what noise can give. Lower ends are upper
-ones of -b. What holds on a cone holds on its parts.
+ones of -b. What holds on a cone holds on its halves.
 """
 
 from __future__ import annotations
@@ -274,9 +274,9 @@ def _hull(
             rows, tree.free, tree.multipliers, cones[limit.cell], limit
         ):
             known[limit.cell] = _limited(known[limit.cell], limit, rows, at)
-    for number in sorted(cones):  # parts come after their wholes
-        for part in tree.parts(number):
-            known[part] = _met(known[part], known[number])
+    for number in sorted(cones):  # children come after their parents
+        for child in tree.children_of(number):
+            known[child] = _met(known[child], known[number])
     own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
     hull = np.full_like(inside[0], inf), np.full_like(inside[1], -inf)
     for number in unrefuted:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.proofs.denominators.cones import Cone, first_cones, parted_cone
+from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.output_rows import OutputRows, output_rows
 
 __all__ = [
@@ -62,9 +62,9 @@ class Cell(NamedTuple):
     Parameters
     ----------
     children : tuple of int
-        Numbers of its parts, larger than its own; none for a leaf.
+        Numbers of its two halves, larger than its own; none for a leaf.
     edge, weights : (int, int)
-        As of :func:`parted_cone`.
+        As of :func:`split_cone`.
     used : tuple of int
         Numbers of multipliers.
     shares : tuple of float
@@ -183,11 +183,11 @@ class DenominatorCells:
         corrections, cones = correction_bounds(rows, self.free, table), self.cones(rows)
         if corrections is None or cones is None:
             return None
-        leaves = (number for number in sorted(cones) if not self.parts(number))
+        leaves = (number for number in sorted(cones) if not self.children_of(number))
         return (n for n in leaves if not self._refutes(rows, corrections, cones[n], self.cells[n]))
 
-    def parts(self, number: int) -> tuple[int, ...]:
-        """Number the parts of a cone; none for a leaf."""
+    def children_of(self, number: int) -> tuple[int, ...]:
+        """Number the children of a cone; none for a leaf."""
         cell = self.cells[number]
         return () if isinstance(cell, VaryingLeaf) else cell.children
 
@@ -209,10 +209,10 @@ class DenominatorCells:
             found[number], cell = cone, self.cells[number]
             if isinstance(cell, VaryingLeaf) or not cell.children:
                 continue
-            parts = parted_cone(cone, cell.edge, cell.weights)
-            if parts is None or len(cell.children) != 2 or min(cell.children) <= number:
+            halves = split_cone(cone, cell.edge, cell.weights)
+            if halves is None or len(cell.children) != 2 or min(cell.children) <= number:
                 return None
-            waiting += zip(cell.children, parts, strict=True)
+            waiting += zip(cell.children, halves, strict=True)
         return found
 
     def _refutes(

@@ -154,7 +154,7 @@ def test_a_long_record_with_strong_noise_is_certified() -> None:
 
 
 @pytest.mark.parametrize("taps", [1, 2])
-def test_a_response_without_denominator_is_not_parted(taps: int) -> None:
+def test_a_response_without_denominator_is_not_split(taps: int) -> None:
     """Noise near its bound at all samples leaves a set that no limit reaches within its width."""
     rng = np.random.default_rng(0)
     u = np.round(rng.uniform(-2, 2, 228) * 64) / 64

@@ -88,7 +88,7 @@ def test_a_gain_by_hand() -> None:
         assert by_hand(wrong) == (-9.0, 9.0)
 
 
-def test_limits_of_a_whole_hold_on_its_parts() -> None:
+def test_limits_of_a_cone_hold_on_its_halves() -> None:
     """And a part may have a nearer one of its own; the hull is that of both parts."""
     data = setid.IOData([1.0, 2.0, 4.0], [0.5, 1.0, 2.0])
     model = setid.TransferFunction(na=1, nb=1)
