@@ -48,18 +48,19 @@ __all__ = ["denominator_box", "settles"]
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
 _Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
-_OPEN = VaryingLeaf((), (), ())
-_SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
-_OWN = 0.1  # the least of denominators without a prior, from order 3 on: the engine is faster then
-_WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
-_OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
-_THIN = 0.01  # of what ends may reach beyond: smaller cones are left, they are consistent or nearly
-_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
-_BITS, _LIMIT_BITS = 34, 44  # of the largest multiplier of a vector; of those that bound a gain
-_ALONE = 120.0  # seconds, where no time is given
-_AHEAD = 4  # cones for each worker of an executor
-_MEMORY = 2.0**29  # bytes of multipliers
-_TINY = 1e-300
+_OPEN_LEAF = VaryingLeaf((), (), ())
+_TARGETS = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
+_DENOMINATOR_TARGET = 0.1  # the least of denominators that the engine closes sooner
+_AIM = 0.9  # of what an end may reach beyond: what programs aim at
+_REFUTED_FACTOR = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
+_THIN = 0.01  # of what ends may reach beyond: a smaller cone is left, as it is nearly consistent
+_ROUNDING_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
+_VECTOR_BITS = 34  # binary digits of multipliers of vectors, from the largest one on
+_LIMIT_BITS = 44  # binary digits of multipliers that bound a gain
+_DEFAULT_SECONDS = 120.0  # seconds, where no time is given
+_CONES_PER_WORKER = 4  # cones for each worker of an executor
+_MOST_BYTES = 2.0**29  # bytes of multipliers
+_TINY = 1e-300  # in place of zero in quotients and logarithms
 
 
 @dataclass(slots=True)
@@ -108,9 +109,9 @@ def denominator_box(
         if rows is None or programs is None or programs.free is None:
             continue
         parts = 1.0 / (outputs - output)
-        until = deadline.part(parts, otherwise=parts * _ALONE)
+        until = deadline.part(parts, otherwise=parts * _DEFAULT_SECONDS)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
-        complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _OWN))
+        complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _DENOMINATOR_TARGET))
         tree, own = search.proved(output)
         trees.append(tree)
         limits.append(own)
@@ -160,7 +161,7 @@ class _Search:
         self._rows, self._programs, self._deadline = rows, programs, deadline
         assert programs.free is not None
         self._free = programs.free
-        self._executor, self._ahead = executor, _AHEAD * workers_of(executor) or 1
+        self._executor, self._ahead = executor, _CONES_PER_WORKER * workers_of(executor) or 1
         at = {name: place for place, name in enumerate(formulation.parameters)}
         self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
         self._gains = [(c, at[name], s) for c, (name, s) in enumerate(rows.gains) if name in at]
@@ -175,7 +176,7 @@ class _Search:
         self._wholes: list[int] = []  # -1 for the first ones
         self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
         self._waiting: list[tuple[_Order, int, _OpenCone]] = []
-        self._count, self._share, self._least = 0, _SHARES[0], 0.0
+        self._count, self._share, self._least = 0, _TARGETS[0], 0.0
         self._thin = False  # whether a cone was left as too thin
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
@@ -211,7 +212,7 @@ class _Search:
         """
         self._least = least
         try:
-            near = all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
+            near = all(self._reached(s) for s in (*(s for s in _TARGETS if s > tol), tol))
             return near and not self._thin
         except EARLY as cause:
             self._deadline.ended(cause)
@@ -232,7 +233,7 @@ class _Search:
     @property
     def _ended(self) -> bool:
         size = len(self._multipliers) * 8.0 * self._rows.y.size
-        return size > _MEMORY or self._deadline.over
+        return size > _MOST_BYTES or self._deadline.over
 
     def _advance(self) -> None:
         """Refute, bound or split the cones that reach farthest."""
@@ -240,7 +241,7 @@ class _Search:
         while self._waiting and len(batch) < self._ahead and self._is_far(self._waiting[0][0]):
             batch.append(heapq.heappop(self._waiting)[2])
         new = [open_cone for open_cone in batch if not open_cone.examined]
-        tasks = [(self._cones, open_cone.node, _OVER) for open_cone in new]
+        tasks = [(self._cones, open_cone.node, _REFUTED_FACTOR) for open_cone in new]
         refuted = set[int]()
         for open_cone, found in zip(new, self._mapped(examined, tasks), strict=True):
             if self._refuted(open_cone, found):
@@ -283,7 +284,7 @@ class _Search:
         self._cells[open_cone.number] = leaf._replace(used=(self._family(table),))
         return True
 
-    def _table(self, multipliers: Reals, bits: int = _BITS) -> Reals:
+    def _table(self, multipliers: Reals, bits: int = _VECTOR_BITS) -> Reals:
         """Multipliers over the whole record, (K, N), in short binary fractions."""
         size = np.abs(multipliers).max(axis=1, keepdims=True)
         unit = np.exp2(np.ceil(np.log2(np.maximum(size, _TINY))) - bits)
@@ -322,8 +323,9 @@ class _Search:
                     now = open_cone.high[place] if upper else -open_cone.low[place]
                     if now - end > room:
                         asked.append((open_cone, column, place, sign))
-                        aim = end + _WITHIN * room
-                        tasks.append(LimitTask(self._solvers[column], node, sign, aim, _OVER))
+                        aim = end + _AIM * room
+                        solver = self._solvers[column]
+                        tasks.append(LimitTask(solver, node, sign, aim, _REFUTED_FACTOR))
         for (open_cone, column, place, sign), found in zip(
             asked, self._mapped(limited, tasks), strict=True
         ):
@@ -335,7 +337,7 @@ class _Search:
         column, place, sign = which
         upper = sign * self._rows.gains[column][1] > 0
         ends, cone = open_cone.high if upper else -open_cone.low, open_cone.node.cone
-        value = found.value + _LOSS * float(self._width()[place])
+        value = found.value + _ROUNDING_LOSS * float(self._width()[place])
         if not value < ends[place]:
             return
         table = self._table(found.multipliers, _LIMIT_BITS)
@@ -392,7 +394,7 @@ class _Search:
     def _file(self, node: ConeNode, whole: int, ends: Ends) -> None:
         """Number a cone; it is left out where it lies outside of what is known."""
         number = len(self._cells)
-        self._cells.append(_OPEN)
+        self._cells.append(_OPEN_LEAF)
         self._wholes.append(whole)
         low, high = ends[0].copy(), ends[1].copy()
         least, most = ratio_ends(node.cone)
@@ -427,7 +429,7 @@ class _Search:
         return VaryingCells(output, self._free, table, cells), tuple(limits)
 
     def _binding(self) -> list[Limit]:
-        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN]
+        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN_LEAF]
         found = dict[tuple[int, int, int], Limit]()
         for number in left:
             best = dict[tuple[int, int], Limit]()

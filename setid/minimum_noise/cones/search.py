@@ -37,18 +37,19 @@ from sparsepop_py.executors.dispatch import map_in_order, workers_of
 __all__ = ["follow_denominators"]
 
 Reals = NDArray[np.float64]
-_MEMORY = 2.0**29  # bytes of multipliers
-_NOTHING = VaryingLeaf((), (), ())
-_AT_ONCE = 0.15  # of the time: for cones that are refuted at the last target
-_AHEAD = 4  # cones for each worker of an executor
-_FIRST = 0.5  # of the level, which the lowest target leaves
-_FALL, _LITTLE = 0.5, 0.9  # of a share: the least and the largest one for the next target
-_GROWTH = 3.5  # least one: a share that is smaller by 2 takes 2 to this power as long
-_PART = 0.5  # of the time: for the next target
-_BRIEF = 0.2  # seconds that tell nothing of the growth
-_NEAR = 1.5  # of the tolerance: then it comes next
-_AS_HARD = 1.02  # of what refutes the whole: a half for which splitting did nothing
-_LONG = 0.5  # of the weight of an edge that was split without avail
+_MOST_BYTES = 2.0**29  # bytes of multipliers
+_OPEN_LEAF = VaryingLeaf((), (), ())
+_DIRECT_TIME = 0.15  # of the time: for an attempt at the last target without lower ones
+_CONES_PER_WORKER = 4  # cones for each worker of an executor
+_FIRST_SHARE = 0.5  # of the level, which the lowest target leaves
+_LEAST_RATIO = 0.5  # of the next share to the present one
+_LARGEST_RATIO = 0.9  # of the next share to the present one
+_LEAST_GROWTH = 3.5  # a share that is smaller by 2 takes at least 2 to this power as long
+_NEXT_TARGET_TIME = 0.5  # of the time left: for the next target
+_BRIEF_SECONDS = 0.2  # seconds that tell nothing of the growth
+_NEAR_TOL = 1.5  # times the tolerance: from a share this small on the tolerance comes next
+_AS_HARD = 1.02  # times what refutes the whole: splitting did nothing for a half below it
+_IDLE_EDGE = 0.5  # of the weight of an edge that was split without avail
 
 
 def follow_denominators(
@@ -98,7 +99,7 @@ class _Search:
     ) -> None:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
         self._attained, self._executor = attained, executor
-        self._ahead = _AHEAD * workers_of(executor) or 1  # cones that are split together
+        self._ahead = _CONES_PER_WORKER * workers_of(executor) or 1  # cones that are split together
         self._share = tol  # of the level: what may be left now
         self._until = deadline
         self._cones = ConePrograms(programs, rows.stable, deadline.left)
@@ -125,14 +126,14 @@ class _Search:
     @property
     def _ended(self) -> bool:
         """Check that the time is over, or multipliers take as much memory as they may."""
-        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MEMORY
+        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MOST_BYTES
         return full or self._until.over
 
     def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
         self._wholes.append(whole)
-        self._leaves.append(_NOTHING)
+        self._leaves.append(_OPEN_LEAF)
         self._proved.append(0.0)
         self._failed.append(np.inf)
         self._splits.append(None)
@@ -186,22 +187,22 @@ class _Search:
         """
         left = self._deadline.left
         if left is not None:
-            self._until = Deadline(_AT_ONCE * left)
+            self._until = Deadline(_DIRECT_TIME * left)
         self._reach(self._tol)
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
             return self._found(output)
-        before, share, wider = copy.copy(self), max(_FIRST, self._tol), 1.0  # keeps its lists
+        before, share, wider = copy.copy(self), max(_FIRST_SHARE, self._tol), 1.0  # keeps its lists
         self._begin()
-        spent, growth = 0.0, _GROWTH
+        spent, growth = 0.0, _LEAST_GROWTH
         while not self._ended:
             begun, earlier = time.monotonic(), spent
             self._reach(share)
             if share <= self._tol:
                 break
             spent = time.monotonic() - begun
-            if min(earlier, spent) > _BRIEF:
-                growth = max(_GROWTH, np.log(spent / earlier) / np.log(wider / share))
+            if min(earlier, spent) > _BRIEF_SECONDS:
+                growth = max(_LEAST_GROWTH, np.log(spent / earlier) / np.log(wider / share))
             wider, share = share, self._following(share, spent, growth)
         found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
         return replace(found, best=tuple(self._attained.best))
@@ -209,11 +210,11 @@ class _Search:
     def _following(self, share: float, spent: float, growth: float) -> float:
         """Choose what the next target leaves of the level, for a part of the time that is left."""
         left = self._deadline.left
-        fall = _FALL
+        fall = _LEAST_RATIO
         if left is not None:
-            fall = (spent / max(_PART * left, spent, _BRIEF)) ** (1.0 / growth)
-        share *= min(max(fall, _FALL), _LITTLE)
-        return share if share > _NEAR * self._tol else self._tol
+            fall = (spent / max(_NEXT_TARGET_TIME * left, spent, _BRIEF_SECONDS)) ** (1.0 / growth)
+        share *= min(max(fall, _LEAST_RATIO), _LARGEST_RATIO)
+        return share if share > _NEAR_TOL * self._tol else self._tol
 
     def _reach(self, share: float) -> None:
         """Refute a target in all cones while time allows, in halves where their whole fails."""
@@ -277,7 +278,7 @@ class _Search:
             return np.asarray(np.sqrt(weights), np.float64)
         i, j = cell.edge
         weights = weights.copy()
-        weights[[i, j], [j, i]] *= _LONG
+        weights[[i, j], [j, i]] *= _IDLE_EDGE
         return weights
 
     def _found(self, output: int) -> FoundDenominators:

@@ -53,7 +53,7 @@ def test_denominators_are_left_to_the_engine_where_it_is_faster(
     known = planted()
     whole = found_box(known, 0.6)
     monkeypatch.setattr(feasible_box, "_is_fast", lambda rows: False)
-    monkeypatch.setattr(feasible_box, "_OWN", 2.0)
+    monkeypatch.setattr(feasible_box, "_DENOMINATOR_TARGET", 2.0)
     box = found_box(known, 0.6)
     beyond = np.maximum(NEAR[0] - box.lower, box.upper - NEAR[1]) / 0.04
     assert box.complete and np.all(beyond <= [2.0, 2.0, 0.6, 0.6])
