@@ -33,8 +33,8 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
+from sparsepop_py.strategy.search_state import SearchState, state_of
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_box import tighten_for_all
 from sparsepop_py.strategy.shared_state import SharedState
@@ -118,13 +118,10 @@ class MultiObjectiveSearch:
                 turn = STRATEGY.turn
         except EARLY as cause:
             self.deadline.ended(cause)
-        states = [self._state(search) for search in self.searches]
+        states = [state_of(search) for search in self.searches]
         for state in states:
             state.context.report_last(lower_bound(state.outcome.certificate))
         return states
-
-    def _state(self, search: AdaptiveSearch) -> SearchState:
-        return SearchState(search.context, search.outcome, search.candidates, tuple(search.history))
 
     @property
     def _stuck(self) -> bool:
