@@ -43,6 +43,7 @@ from setid.proofs.denominators.varying_multipliers import (
 )
 from setid.proofs.row_boxes import RowBox, rows_prove
 from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.sign_tree import intersect
 
 __all__ = ["DenominatorBox", "Limit", "limit_holds", "ratio_ends", "upright"]
 
@@ -276,7 +277,7 @@ def _hull(
             known[limit.cell] = _limited(known[limit.cell], limit, rows, at)
     for number in sorted(cones):  # children come after their parents
         for child in tree.children_of(number):
-            known[child] = _met(known[child], known[number])
+            known[child] = intersect(known[child], known[number])
     own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
     hull = np.full_like(inside[0], inf), np.full_like(inside[1], -inf)
     for number in unrefuted:
@@ -303,7 +304,3 @@ def _limited(
     else:
         low[at[name]] = max(low[at[name]], -limit.value)
     return low, high
-
-
-def _met(one: tuple[Reals, Reals], other: tuple[Reals, Reals]) -> tuple[Reals, Reals]:
-    return np.maximum(one[0], other[0]), np.minimum(one[1], other[1])

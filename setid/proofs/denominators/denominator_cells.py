@@ -36,6 +36,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.output_rows import OutputRows, output_rows
+from sparsepop_py.verified.arithmetic.rational import solve_matrix
 
 __all__ = [
     "Cell",
@@ -388,23 +389,11 @@ def _inverse(matrix: Reals) -> Reals | None:
     None where there is none, and where an entry is too large or too small.
     """
     size = len(matrix)
-    table = [
-        [*map(Fraction, line), *(Fraction(int(i == k)) for k in range(size))]
-        for i, line in enumerate(matrix.tolist())
-    ]
-    for column in range(size):
-        pivot = next((i for i in range(column, size) if table[i][column]), None)
-        if pivot is None:
-            return None
-        table[column], table[pivot] = table[pivot], table[column]
-        first = table[column][column]
-        table[column] = [value / first for value in table[column]]
-        for i in range(size):
-            factor = table[i][column]
-            if i != column and factor:
-                pairs = zip(table[i], table[column], strict=True)
-                table[i] = [a - factor * b for a, b in pairs]
-    entries = [value for line in table for value in line[size:]]
+    unit = [[Fraction(int(i == k)) for k in range(size)] for i in range(size)]
+    found = solve_matrix([[*map(Fraction, line)] for line in matrix.tolist()], unit)
+    if found is None:
+        return None
+    entries = [value for line in found for value in line]
     if any(value and not _LEAST <= abs(value) <= _MOST for value in entries):
         return None
     return np.array([float(value) for value in entries]).reshape(size, size)
