@@ -59,6 +59,8 @@ def by_corners(
 
 
 class _Search:
+    """Best-first search over cones, with one multiplier for each vector."""
+
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:

@@ -97,6 +97,8 @@ def least_output_noise(
 
 
 class _Search:
+    """Best-first search over cones, with weighted multipliers for each cone."""
+
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:

@@ -79,8 +79,30 @@ class AdaptiveSearch:
         Nearly feasible vectors seen so far.
     shared_state : SharedState
         Structure of the problem, and what was learned on it.
+    history : list of HistoryEntry
+        One entry for each step.
+    costs : list of float
+        Seconds of each step.
+    outcome : CertifiedBound
+        The best proved bound.
+    tree : Search or None
+        The branch-and-bound tree that grows now.
+    seen : int
+        Nodes of trees that were left.
+    exhausted : bool
+        Whether nothing was left to try on the current box.
+    best : BoxBound
+        The argument on the own box that proves most.
+    rate : float or None
+        Share of the gap that the last slice of the tree closed per second.
+    linear_bound : float
+        The largest bound of a linear relaxation.
     more_starts : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
+    solved : set of bytes
+        Hashes of the relaxations that were solved, each with its box.
+    last : (Interval, Scaled) or None
+        A box, and the problem scaled to it.
     least_cutoff : float
         The least cutoff with which the box was tightened.
     point : (n,) float or None

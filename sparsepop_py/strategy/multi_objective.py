@@ -68,12 +68,28 @@ class MultiObjectiveSearch:
     deadline : Deadline
     repair : callable, optional
         Improves candidate vectors before local searches.
+    searches : list of AdaptiveSearch
+        One for each objective.
+    working_sets : list of WorkingSetSearch
+        One for each objective where working sets serve; empty otherwise.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first turn.
+    quoted : dict
+        Certificates that tighten the shared box, by variable and side (1 or -1).
     known : dict
         What verification of certificates found, for those that quote them.
     numbers : sequence of int, optional
         Of the objectives, for progress; in their order from 0 when left out.
+    base : Model
+        The shared box before bounds of variables were quoted.
+    pairs : dict
+        For each objective p the number of -p, where that is one of them.
+    shared_state : SharedState
+        Structure of the problem, and what was learned on it.
+    obbt_done : bool
+        Whether linear programs have tightened the shared box.
+    repaired : callable or None
+        The repair, done once for each vector.
     """
 
     problem: Problem

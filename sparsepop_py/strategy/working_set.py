@@ -99,6 +99,14 @@ class WorkingSetSearch:
         Nodes of the tree on the set when its gain was judged last; 0 before.
     judged_gap_ratio : float
         The gap by then, in gaps that count as closed.
+    rows : (r,) int or None
+        Numbers of the constraints in the set.
+    small : Subproblem or None
+        The problem of these constraints alone.
+    search : AdaptiveSearch or None
+        The search on it.
+    base : Model or None
+        The shared box from which that search began.
     before : (Subproblem, tuple of Step) or None
         A smaller set, and the steps that tightened the box there: the next search begins with them.
     given : Tightening or None

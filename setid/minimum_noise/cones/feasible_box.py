@@ -148,6 +148,8 @@ def _is_fast(rows: OutputRows) -> bool:
 
 
 class _Search:
+    """Best-first search over cones of one output, which brings ends of its parameters near."""
+
     def __init__(
         self,
         formulation: Formulation,

@@ -88,6 +88,8 @@ def follow_denominators(
 
 
 class _Search:
+    """Search over cones that refutes one target after the other, by families of multipliers."""
+
     def __init__(
         self,
         rows: OutputRows,
