@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
-from setid.bounding.long_records import equations, is_long
+from setid.bounding.long_records import is_long
 from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import Repair, first_point
 from setid.feasible_points.sums import ends_with_sums
 from setid.formulation.completion import place_slack
-from setid.formulation.formulation import Formulation, multiplied_out
+from setid.formulation.formulation import Formulation, count_equations, multiplied_out
 from setid.formulation.lifting import LIFTED
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
@@ -167,7 +167,7 @@ def _solve(
     engine = settings.for_engine(until=context.deadline.wall_end)
     if context.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=context.deadline.cpu_left)
-    at_ends = at_ends or coupled(formulation) or equations(formulation) > _LONG
+    at_ends = at_ends or coupled(formulation) or count_equations(formulation) > _LONG
     engine = replace(engine, refine="none") if points and at_ends else engine
     try:
         found = sp.solve_each(

@@ -12,7 +12,6 @@ import numpy as np
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, is_open, report_ends
-from setid.bounding.long_records import equations
 from setid.feasible_points.cascades import (
     SimulatedEnds,
     attained_result,
@@ -22,7 +21,7 @@ from setid.feasible_points.cascades import (
     point_of,
     simulated_ends,
 )
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, count_equations
 from setid.formulation.units import in_units
 from setid.minimum_noise.cones.feasible_box import denominator_box
 from setid.proofs.denominators.output_rows import output_rows
@@ -86,7 +85,7 @@ def by_simulation(
     share = 1.0
     if context.until < inf:
         share = max(_LEAST_TIME, 1.0 - reserve / max(context.left, _LEAST_TIME))
-    many = is_cascade(formulation) or equations(formulation) > _MANY_EQUATIONS
+    many = is_cascade(formulation) or count_equations(formulation) > _MANY_EQUATIONS
     cells = _MOST_REGIONS if many else 0
     near = inf if is_cascade(formulation) else _NEAR_ENDS
     deadline, tol = context.deadline.part(share), context.settings.tol
@@ -123,7 +122,7 @@ def _engine_is_faster(
     formulation: Formulation, found: SimulatedEnds, box: ProvedBox | None
 ) -> bool:
     """Check that cones take longer: on short records of low order whose box is not very wide."""
-    if box is None or equations(formulation) > _MANY_EQUATIONS:
+    if box is None or count_equations(formulation) > _MANY_EQUATIONS:
         return False
     points = np.array(found.ends)[:, : len(formulation.parameters)]
     if np.any(box.upper - box.lower > _WIDE_BOX * (points.max(axis=0) - points.min(axis=0))):
