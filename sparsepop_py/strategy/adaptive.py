@@ -47,7 +47,7 @@ from sparsepop_py.strategy.relaxation_queue import (
     RelaxationQueue,
     relaxation_for_nodes,
 )
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import BOUND_TIGHTENING, STRATEGY, TREE
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
 from sparsepop_py.tightening.obbt_lp import apply_steps, tighten_by_lp
@@ -131,7 +131,7 @@ class AdaptiveSearch:
     last: tuple[Interval, Scaled] | None = None
     least_cutoff: float = np.inf
     point: NDArray[np.float64] | None = None
-    longest_slice: float = STRATEGY.slice_seconds
+    longest_slice: float = TREE.longest_slice
     at_nodes: RelaxationSpec | None = None
 
     def __post_init__(self) -> None:
@@ -196,7 +196,7 @@ class AdaptiveSearch:
         """Check that the next step takes long, so that a better incumbent should precede it."""
         if not isinstance(spec, RelaxationSpec):
             return True
-        return self.queue.seconds(spec) > STRATEGY.cheap
+        return self.queue.seconds(spec) > STRATEGY.cheap_seconds
 
     def search_more_starts(self) -> bool:
         """Search from the starts that are left, all at once; return whether there were any."""
@@ -236,7 +236,7 @@ class AdaptiveSearch:
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
         # a gap shrinks about as fast as the widths of the branching variables: it may close now
-        smaller = max(STRATEGY.smaller_box, 1.0 / max(self.gap_ratio, 1.0))
+        smaller = max(STRATEGY.smaller_box_share, 1.0 / max(self.gap_ratio, 1.0))
         if self.tree is None and self.tried and width.min(initial=1.0) < smaller:
             chosen = np.isin(np.flatnonzero(moved), self.shared_state.variables)
             kept = float(np.mean(width[chosen] if chosen.any() else width))
@@ -291,8 +291,8 @@ class AdaptiveSearch:
         One slice without gain tells little of a tree, and what a long relaxation costs is not well
         known before.
         """
-        share = STRATEGY.tree_before * self.queue.seconds(spec)
-        return share > max(self._branched, STRATEGY.slice_seconds)
+        share = TREE.share_before_relaxation * self.queue.seconds(spec)
+        return share > max(self._branched, TREE.longest_slice)
 
     def _scaled(self) -> Scaled:
         """Scale the problem to the current box; remembered until the box changes."""
@@ -313,7 +313,7 @@ class AdaptiveSearch:
         if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen, node = self.shared_state.cost_model, max(1e-2, min(self.costs))
-        rate = 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+        rate = 1.0 / (node * TREE.nodes_per_effort * self.shared_state.effort)
         if _BRANCH in seen.progress:  # a slice without gain does not speak for all trees
             return max(0.3 * rate, seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH]))
         return rate
@@ -328,16 +328,16 @@ class AdaptiveSearch:
         if options.node_limit is not None or not self.context.deadline.unlimited:
             return False
         if np.isfinite(upper):
-            stays_open = self._gap <= STRATEGY.rounding * max(1.0, abs(upper))
+            stays_open = self._gap <= STRATEGY.rounding_gap * max(1.0, abs(upper))
         else:
             stays_open = not self.context.attains
         nodes = self._gained[1]
-        return stays_open and tree.seen - nodes >= max(STRATEGY.idle_nodes, nodes)
+        return stays_open and tree.seen - nodes >= max(TREE.idle_nodes, nodes)
 
     def _note_gain(self, tree: Search) -> None:
         """Note where the bound has gained what counts as a gap, and more than rounding."""
         bound = max(self.bound, tree.bound)
-        least = max(self.context.allowed, STRATEGY.rounding * max(1.0, abs(bound)))
+        least = max(self.context.allowed, STRATEGY.rounding_gap * max(1.0, abs(bound)))
         if bound - self._gained[0] > least:
             self._gained = bound, tree.seen
 
@@ -402,8 +402,8 @@ class AdaptiveSearch:
             return None
         expected = self._expected(spec, relaxation)
         seconds_left, cost_model = self.context.deadline.expected, self.shared_state.cost_model
-        predicted = cost_model.pace * expected
-        self._put_off = seconds_left is not None and predicted > STRATEGY.over_time * seconds_left
+        longest = np.inf if seconds_left is None else STRATEGY.most_overtime * seconds_left
+        self._put_off = cost_model.pace * expected > longest
         if self._put_off:
             self.queue.set_expected_seconds(spec, expected)
             return None
@@ -411,7 +411,7 @@ class AdaptiveSearch:
         start = self.context.deadline.now()
         box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
         spent = self.context.deadline.now() - start
-        if max(spent, expected) > STRATEGY.telling:
+        if max(spent, expected) > STRATEGY.telling_seconds:
             self.shared_state.cost_model.pace = float(np.clip(spent / expected, 0.2, 5.0))
         self.tried.append((spec, box_bound.proved.bound, spent))
         self._accept(box_bound, relaxation)
@@ -421,7 +421,7 @@ class AdaptiveSearch:
         )
         if box_bound.solution is not None and box_bound.solution.status in ("solved", "almost"):
             starts.append(first_moments(scaled, relaxation, box_bound.solution.y))
-        poor = self.context.upper - STRATEGY.poor_cutoff * self._gap
+        poor = self.context.upper - STRATEGY.poor_cutoff_share * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
             self.queue.requeue([spec])  # the cutoff was far from what it can be
@@ -459,7 +459,8 @@ class AdaptiveSearch:
     def _shrink(self) -> None:
         """Propagate bounds with the current cutoff."""
         with self.context.stages.stage("presolve"):
-            box, step = tighten(self.context.at_cutoff(), self.model.box, STRATEGY.sweeps)
+            replay, sweeps = self.context.at_cutoff(), STRATEGY.propagation_sweeps
+            box, step = tighten(replay, self.model.box, sweeps)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 
@@ -473,7 +474,7 @@ class AdaptiveSearch:
     def _linear(self) -> Relaxation:
         """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
-        for number in range(STRATEGY.obbt_rounds):
+        for number in range(BOUND_TIGHTENING.rounds):
             if self.context.deadline.late:
                 break
             solution = self._bound_linear(mccormick)
@@ -510,7 +511,7 @@ class AdaptiveSearch:
         if objective.degree == 1 and objective.support.size == 1:
             (variable,) = objective.support
             size = abs(float(objective.coefficients[-1]))
-            room = STRATEGY.room * self.context.allowed / size
+            room = STRATEGY.objective_room * self.context.allowed / size
             if self.model.box.width()[variable] <= room < np.inf:
                 slack[variable] = room
         return slack
@@ -532,7 +533,7 @@ class AdaptiveSearch:
 
     def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
         """Tighten bounds by linear programs; return whether another round may gain."""
-        variables = self.shared_state.variables[: STRATEGY.most_tightened]
+        variables = self.shared_state.variables[: BOUND_TIGHTENING.most_variables]
         if not variables or not self.shared_state.obbt_lp:
             return False
         with self.context.stages.stage("presolve"):
@@ -550,7 +551,7 @@ class AdaptiveSearch:
         self.context = replace(self.context, below=True)
         self._shrink()
         mccormick = self._mccormick()
-        for _ in range(STRATEGY.obbt_rounds):
+        for _ in range(BOUND_TIGHTENING.rounds):
             if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
@@ -561,7 +562,7 @@ class AdaptiveSearch:
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
-        slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, self.longest_slice))
+        slice_ = float(np.clip(self.queue.shortest, TREE.shortest_slice, self.longest_slice))
         if self.tree is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()
@@ -591,7 +592,7 @@ class AdaptiveSearch:
         tree = self.tree
         if tree is None or tree.done or not self.tried:
             return
-        if self._gap < STRATEGY.weak_tree * (self.context.upper - tree.bound):
+        if self._gap < TREE.weak_gap_share * (self.context.upper - tree.bound):
             self.seen, self.tree, self.at_nodes = tree.seen, None, self._strongest
 
     @property
@@ -601,7 +602,7 @@ class AdaptiveSearch:
 
     def _reconsider(self, tree: Search) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
-        slow = tree.seen > STRATEGY.patience_nodes and tree.settings.spec is None and self.tried
+        slow = tree.seen > TREE.patience_nodes and tree.settings.spec is None and self.tried
         if slow and not tree.done and not self.over:
             tree.settings = replace(tree.settings, spec=self._strongest)
 
@@ -609,7 +610,7 @@ class AdaptiveSearch:
         """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
         base = self.linear_bound if np.isfinite(self.linear_bound) else self.first_bound
         obbt_lp = (
-            len(self.shared_state.variables) <= STRATEGY.most_tightened
+            len(self.shared_state.variables) <= BOUND_TIGHTENING.most_variables
             and "obbt_lp" not in self.context.options.skip
         )
         seen = self.shared_state.cost_model.seconds

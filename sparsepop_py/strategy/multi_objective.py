@@ -131,7 +131,7 @@ class MultiObjectiveSearch:
                     self._run(index, turn)
                 if self._stuck:
                     break
-                turn = STRATEGY.turn
+                turn = STRATEGY.turn_steps
         except EARLY as cause:
             self.deadline.ended(cause)
         states = [state_of(search) for search in self.searches]
@@ -236,7 +236,7 @@ class MultiObjectiveSearch:
         self._share_points(self.points[known:])
         self._quote(index)
         # a gap that one step has nearly closed may be closed by what others prove
-        nearly = search.gap_ratio <= STRATEGY.tight and len(search.history) == 1
+        nearly = search.gap_ratio <= STRATEGY.small_gap_ratio and len(search.history) == 1
         if not (search.over or nearly):
             self._tighten()
         search.context.report(search.bound)
@@ -274,7 +274,8 @@ class MultiObjectiveSearch:
                 ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])
                 for index in ready[: max(free, 0) + ahead]:
                     last[index] = self.model, self.searches[index].context.best
-                    apart.begin(index, self._turn(index, STRATEGY.turn if taken[index] else 1))
+                    steps = STRATEGY.turn_steps if taken[index] else 1
+                    apart.begin(index, self._turn(index, steps))
                     taken[index] += 1
                 if not apart.running:
                     break
@@ -399,7 +400,8 @@ def width_between(upper: float, other: float, options: Options) -> float:
 
     +inf where one of them is missing; a single point counts as wide as rounding.
     """
-    rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
+    gap = STRATEGY.rounding_gap
+    rounding = gap * max(1.0, abs(other)) / max(options.gap, gap)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 

@@ -235,8 +235,8 @@ def run_adaptive(search: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
         if is_untried_without_box(search.context.problem):
-            if search.next_seconds <= max(STRATEGY.long_first, seconds_without_box(search)):
-                search.run(STRATEGY.before_squares)
+            if search.next_seconds <= max(STRATEGY.long_first_seconds, seconds_without_box(search)):
+                search.run(STRATEGY.steps_before_squares)
             if (
                 search.context.problem.degree > 2
             ):  # else a bound without a box costs less than points

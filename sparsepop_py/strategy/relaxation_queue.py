@@ -14,7 +14,7 @@ import numpy as np
 
 from sparsepop_py.budget import TOO_LONG
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import BOUND_TIGHTENING, STRATEGY, TREE
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.box.scaling import Scaled
 
@@ -105,9 +105,9 @@ class RelaxationQueue:
         if self.share == 0.0 or spec is None:
             return None
         seconds = self.seconds(spec)
-        most = STRATEGY.cheap
+        most = STRATEGY.cheap_seconds
         if best is not None and seconds_left is not None:
-            sure = STRATEGY.sure * seconds_left
+            sure = STRATEGY.sure_time_share * seconds_left
             most = max(most, sure) if self.seconds(best) > sure else most
         return None if seconds > most or self._too_long(spec, seconds, seconds_left) else spec
 
@@ -115,8 +115,8 @@ class RelaxationQueue:
         if seconds_left is None:
             return False
         if spec.shape == "linear" and spec.name not in self.shared_state.cost_model.seconds:
-            return self._program > STRATEGY.stopped_program * seconds_left
-        return seconds > STRATEGY.over_time * seconds_left
+            return self._program > STRATEGY.program_overtime * seconds_left
+        return seconds > STRATEGY.most_overtime * seconds_left
 
     def set_expected_seconds(self, spec: RelaxationSpec, seconds: float) -> None:
         """Set the expected seconds of a relaxation that was built and not solved."""
@@ -180,20 +180,19 @@ class RelaxationQueue:
     @property
     def shortest(self) -> float:
         """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
-        return min(
-            (self.seconds(r) for r in self.specs if r.share > STRATEGY.weak_share), default=np.inf
-        )
+        strong = (spec for spec in self.specs if spec.share > STRATEGY.weak_progress)
+        return min(map(self.seconds, strong), default=np.inf)
 
     @property
     def obbt_too_slow(self) -> bool:
         """True if tightening by linear programs costs more than the next relaxation."""
-        return self._tightening > STRATEGY.obbt_too_slow * self.shortest
+        return self._tightening > BOUND_TIGHTENING.too_slow * self.shortest
 
     @property
     def _tightening(self) -> float:
         """Expected seconds of a few rounds of OBBT by linear programs."""
         seen = self.shared_state.cost_model.seconds
-        programs = 2.0 * min(len(self.shared_state.variables), STRATEGY.most_tightened)
+        programs = 2.0 * min(len(self.shared_state.variables), BOUND_TIGHTENING.most_variables)
         return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
 
     @property
@@ -237,7 +236,7 @@ def relaxation_for_nodes(
     -------
     RelaxationSpec or None
     """
-    best, most = None, STRATEGY.branching_gain / max(program, _SHORTEST)
+    best, most = None, TREE.node_gain / max(program, _SHORTEST)
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base

@@ -68,8 +68,8 @@ class Turn:
             gap = search.context.upper - search.bound
             if self.working_set is None or not self.working_set.step():
                 search.run(1)
-            gained = search.context.upper - search.bound < STRATEGY.worth_turn * gap
-            near = self.working_set is not None and search.gap_ratio < STRATEGY.tight
+            gained = search.context.upper - search.bound < STRATEGY.little_gain_share * gap
+            near = self.working_set is not None and search.gap_ratio < STRATEGY.small_gap_ratio
             if search.over or not (gained or near):
                 break
 

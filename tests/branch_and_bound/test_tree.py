@@ -23,7 +23,7 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec, relaxation_specs
 from sparsepop_py.strategy import adaptive
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.settings import StrategySettings
+from sparsepop_py.strategy.settings import TreeSettings
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
@@ -262,7 +262,7 @@ def test_a_tree_that_proved_little_is_left_for_a_relaxation_of_the_root(
     only_branch, share, monkeypatch
 ):
     """Linear programs bound a convex form poorly, order 1 does not: its minimum is 0."""
-    monkeypatch.setattr(adaptive, "STRATEGY", StrategySettings(weak_tree=share))
+    monkeypatch.setattr(adaptive, "TREE", TreeSettings(weak_gap_share=share))
     x = sp.variables(5)
     pairs = [(x[i] - 0.9 * x[j]) ** 2 for i in range(5) for j in range(i)]
     problem = Problem(sp.total(pairs), lower=-1, upper=1)

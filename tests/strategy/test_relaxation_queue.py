@@ -201,7 +201,7 @@ def test_a_cheap_order_comes_before_more_searches_and_higher_orders(monkeypatch,
 
     monkeypatch.setattr(AdaptiveSearch, "search_more_starts", search_more_starts)
     for module in (adaptive, relaxation_queue):
-        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap=cheap))
+        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap_seconds=cheap))
     problem = heat_exchangers()
     result = sp.solve(problem, Options(effort="auto", work_limit=10.0, skip=("linear_tree",)))
     check(problem, result, 7049.24802, tight=1e-6)
