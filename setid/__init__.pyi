@@ -60,7 +60,6 @@ from .bands.verdicts import (
     BandReport,
 )
 from .consistency import (
-    Consistency,
     consistency,
 )
 from .data.noise import (
@@ -208,6 +207,9 @@ from .proofs.parameter_box import (
 )
 from .proofs.uniqueness.normalisation import (
     unidentifiable,
+)
+from .result.consistency import (
+    Consistency,
 )
 from .result.identification import (
     Identification,

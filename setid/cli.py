@@ -11,7 +11,7 @@ from math import inf
 from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
-from setid.consistency import Consistency, consistency
+from setid.consistency import consistency
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.data.tables import has_names
@@ -27,6 +27,7 @@ from setid.priors import DCGain, Stable
 from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
+from setid.result.consistency import Consistency
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from setid.serve.server import serve

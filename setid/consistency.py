@@ -9,18 +9,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import number
-from setid.data.digits import all_digits
-from setid.data.noise import EstimatedBound, Noise
+from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
@@ -29,6 +27,7 @@ from setid.feasible_points.fits.separate_denominators import has_separate_denomi
 from setid.feasible_points.witness import Witness, consistent, least_noise
 from setid.formulation.formulation import (
     Formulation,
+    count_equations,
     formulate,
     settled,
     without_partial_outputs,
@@ -36,7 +35,6 @@ from setid.formulation.formulation import (
 from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
-from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
@@ -46,12 +44,11 @@ from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
 from setid.priors.base import Prior, listed
-from setid.proofs.denominators.denominator_cells import DenominatorCells, output_rows
+from setid.proofs.denominators.denominator_cells import DenominatorCells
+from setid.proofs.denominators.output_rows import output_rows
 from setid.proofs.driven import driven
-from setid.proofs.evidence import Verification
 from setid.proofs.existence import rows_say_all
 from setid.proofs.least_noise.noise_scale import (
-    NoiseScale,
     admitted_point,
     attained_factor,
     last_variable,
@@ -59,23 +56,18 @@ from setid.proofs.least_noise.noise_scale import (
     problem_with_factor,
     proved_factor,
     scaled_noise,
-    verify_scale,
 )
 from setid.proofs.parameter_box import start_of
+from setid.result.consistency import Consistency
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
-from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-__all__ = ["READ_OFF", "Consistency", "consistency"]
+__all__ = ["consistency"]
 
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 T = TypeVar("T")
-READ_OFF = "read off this record"
 
 _MULTIPLIED = (
     "denominators are multiplied out, which keeps every consistent parameter vector; the attained "
@@ -83,169 +75,11 @@ _MULTIPLIED = (
 )
 _DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
 _SEARCH = 5.0  # seconds for a better estimate
-_MANY = 100  # equations: where cells of denominators come first
+_MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
 _ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of products are unknowns
 _STARTS = 3  # denominators from which a fit begins
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Consistency(NoiseScale):
-    """The least factor on all noise bounds with which the data are consistent.
-
-    Parameters
-    ----------
-    scale : (float, float)
-        No parameters are consistent with a factor below ``scale[0]`` (proved), some are with
-        ``scale[1]`` (attained; infinite where none was found).
-    theta : (p,) float or None
-        Parameters of ``formulation`` that attain the upper end.
-    witness : (n,) float or None
-        All unknowns of ``formulation`` there, noise included.
-    formulation : Formulation
-        The data with noise bounds at the largest factor that was looked at.
-    limit : float
-        That factor.
-    problem : sparsepop_py.Problem
-        Whose last variable is the factor, as a fraction of ``limit``.
-    bound : sparsepop_py.LinearBound or None
-        The exact optimum, where the problem is linear.
-    result : sparsepop_py.Result or None
-        What the engine proved, otherwise.
-    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
-        The box of the parameters with the factor at ``limit``.
-    refuted : (float, ParameterBox or DenominatorCells) or None
-        A factor at which no parameters are proved to be consistent, by rows or by denominators.
-    noise : Noise
-        As given: a factor of 1.
-    assumptions : tuple of str
-    samples : tuple of (record, sample)
-        Samples, from 0, that keep the factor from being smaller, where linear programs tell.
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> round(0.5 * found.scale[0], 6), found.explains
-    (0.339028, True)
-    """
-
-    assumptions: tuple[str, ...]
-    samples: tuple[tuple[int, int], ...]
-
-    @property
-    def explains(self) -> bool | None:
-        """True if the noise bounds as given explain the data; None where that is open."""
-        low, high = self.scale
-        return True if high <= 1.0 else (False if low > 1.0 else None)
-
-    def is_within(self, tol: float) -> bool:
-        """Check that the ends are within a share of the upper one of each other.
-
-        Parameters
-        ----------
-        tol : float
-        """
-        return self.scale[0] >= (1.0 - tol) * self.scale[1]
-
-    def noise_bound(self, margin: float = 1.0) -> Noise:
-        """Read noise bounds off this record: the attained factor times the bounds as given.
-
-        A model error ``delta`` counts as output noise: what is left of that beyond ``delta`` as
-        given is returned, for identification with the same structure.
-
-        Parameters
-        ----------
-        margin : float
-            Factor >= 1 on the least: another record of the system may need more.
-
-        Returns
-        -------
-        Noise
-            Which says in its ``assumptions`` where it comes from; results repeat that.
-
-        Raises
-        ------
-        NoiseError
-            If no factor is attained, or the margin is below 1.
-
-        Examples
-        --------
-        >>> import setid
-        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-        >>> found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=1))
-        >>> noise = found.noise_bound(1.05)
-        >>> noise.equation.round(4), noise.assumptions[0][:35]
-        (array([0.356]), 'equation noise: read off this recor')
-        """
-        factor = number(margin, "margin", NoiseError)
-        if not 1.0 <= factor < inf:
-            raise NoiseError(f"margin: found {margin!r}, expected a factor >= 1")
-        if not self.scale[1] < inf:
-            raise NoiseError("scale: found no attained factor, expected one to read a bound off")
-        text = f"{READ_OFF} ({all_digits(factor)} times the least bound that explains it)"
-        data = self.formulation.data
-        kept: dict[str, Any] = {}
-        bounds = scaled_noise(self.noise.bounds(data), factor * self.scale[1]).bounds(data)
-        if error := self.noise.model_error:
-            left = np.maximum(np.nextafter(bounds[0] - error, inf), 0.0)
-            bounds = np.where(bounds[0] > 0, left, 0.0), *bounds[1:]
-            text += f", beyond delta = {all_digits(error)}"
-        for kind, values in zip(("output", "input", "equation"), bounds, strict=True):
-            if np.any(values > 0):
-                same = bool(np.all(values == values[0]))
-                kept[kind] = EstimatedBound(values[0] if same else values, 0.0 * values[0], text)
-        return Noise(**kept)
-
-    def verify(self) -> Verification:
-        """Check both ends again, without any solver."""
-        return verify_scale(self)
-
-    def summary(self) -> str:
-        """Describe the factor and what it rests on in a few lines."""
-        low, high = self.scale
-        ends = f"{rounded(low, False, 6)} (proved) to {rounded(high, True, 6)} (attained)"
-        lines = [f"least factor on {self.noise.scaled}: {ends}"]
-        lines.append(_MEANING[self.explains])
-        if self.theta is not None:
-            pairs = zip(_names(self.formulation), self.theta.tolist(), strict=True)
-            lines.append("attained by " + ", ".join(f"{n} = {v:.6g}" for n, v in pairs))
-        if self.samples:
-            lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
-        lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
-        return "\n".join(lines)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the refuted and attained factors; returns the axes.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-        """
-        from setid.plots.decisions import plot_consistency
-
-        return plot_consistency(self, ax)
-
-    def _repr_html_(self) -> str:
-        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
-        return section(
-            _MEANING[self.explains],
-            table(["", "proved", "attained"], [[f"factor on {self.noise.scaled}", low, high]]),
-            listing("taken for granted", self.assumptions),
-        )
-
-    def __repr__(self) -> str:
-        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
-        return f"<Consistency: factor {low} (proved) to {high} (attained)>"
-
-
-_MEANING = {
-    True: "the noise bounds explain the data: consistent parameters exist",
-    False: "the noise bounds are too small for this structure: no parameters are consistent",
-    None: "whether the noise bounds explain the data is open: give more time",
-}
 
 
 @warns_once
@@ -289,7 +123,7 @@ def consistency(
     For equation errors this is a linear program and settled exactly. Otherwise emptiness of
     boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
     small as the rounding of the readings is not resolved further. Long records of noisy outputs
-    are bounded from below by cells of denominators, which need no box of the parameters.
+    are bounded from below by cones of denominators, which need no box of the parameters.
     A discretisation error bound ``delta`` of a continuous-time model counts as output noise: the
     factor multiplies the noise bounds and ``delta`` together.
     Of several denominators with an offset the rows have the offset of the equation in place of that
@@ -330,7 +164,7 @@ def consistency(
     if _is_long(formulation):
         least = _by_denominators(data, model, noise, given, settings, deadline)
         whole = least.refuted is not None and not has_separate_denominators(model)
-        if whole or _equations(formulation) > _LARGE or least.is_within(settings.tol):
+        if whole or count_equations(formulation) > _LARGE or least.is_within(settings.tol):
             return least
     return _by_engine(data, model, noise, given, settings, deadline, least)
 
@@ -349,14 +183,6 @@ def _of_one_offset(formulation: Formulation) -> Formulation:
     found = driven(formulation) if formulation.model.initial == "free" else None
     same = found is not None and len(found.priors) == len(formulation.priors)
     return found if found is not None and same else formulation
-
-
-def _names(formulation: Formulation) -> list[str]:
-    """Name the parameters for people: offsets that drive equations are not those of outputs."""
-    model, offsets = formulation.model, tuple[str, ...]()
-    if isinstance(model, TransferFunction) and model.form == DRIVEN:
-        offsets = model.offsets()
-    return [f"{n} of the equation" if n in offsets else n for n in formulation.parameters]
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
@@ -469,16 +295,12 @@ def _by_engine(
     )
 
 
-# ---- long records of noisy outputs: cells of denominators --------------------------------
-
-
-def _equations(formulation: Formulation) -> int:
-    return int(np.count_nonzero(formulation.problem.equality))
+# ---- long records of noisy outputs: cones of denominators --------------------------------
 
 
 def _is_long(formulation: Formulation) -> bool:
     """Check that a record is long, and of noisy outputs alone."""
-    if _equations(formulation) <= _MANY:
+    if count_equations(formulation) <= _MANY:
         return False
     outputs = range(formulation.model.outputs)
     return all(output_rows(formulation, output) is not None for output in outputs)

@@ -37,7 +37,7 @@ class SolveContext:
     objectives : int
         Number of objectives that share the feasible set.
     below : bool
-        Whether the cutoff lies a little below the attained value, see :meth:`replay`.
+        Whether the cutoff lies a little below the attained value, see :meth:`at_cutoff`.
     aim : float or None
         A bound at which solvers may end; None: one that closes the gap.
     """

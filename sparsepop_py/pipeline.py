@@ -54,7 +54,8 @@ from sparsepop_py.strategy.multi_objective import (
     pairs,
     width_between,
 )
-from sparsepop_py.strategy.order_loop import SearchState, run_orders, unstarted_state
+from sparsepop_py.strategy.order_loop import run_orders
+from sparsepop_py.strategy.search_state import SearchState, unstarted_state
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof

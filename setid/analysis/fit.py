@@ -58,6 +58,7 @@ from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verified.arithmetic.rational import solve_matrix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +71,7 @@ Errors = Literal["output", "equation"]
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
-_CELLS = 0.5  # of the time, for cells of denominators
+_CELLS = 0.5  # of the time, for cones of denominators
 _PART = 0.5  # of the tolerance, for them
 _OPEN = 1e-2  # relative gap from which on a summary says why it is open
 _WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
@@ -367,8 +368,10 @@ def _corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
         for i in range(p)
     ]
     matrix = [[Fraction(float(a[k, i])) for k in pivots] for i in range(p)]
-    for place, change in zip(pivots, _solved(matrix, [-v for v in left]), strict=True):
-        values[place] += change
+    changes = solve_matrix(matrix, [[-value] for value in left])
+    if changes is not None:
+        for place, (change,) in zip(pivots, changes, strict=True):
+            values[place] += change
     return Multipliers(tuple(values))
 
 
@@ -390,23 +393,6 @@ def _by_size(matrix: Reals) -> NDArray[np.int64]:
 def _independent(matrix: Reals) -> NDArray[np.int64]:
     """Choose columns that span all of them."""
     return np.sort(_by_size(_in_units(matrix)[0]))
-
-
-def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:
-    """Solve a regular system in rationals, by Gauss and Jordan."""
-    size = len(right)
-    rows = [[*line, value] for line, value in zip(matrix, right, strict=True)]
-    for i in range(size):
-        pivot = next((k for k in range(i, size) if rows[k][i]), None)
-        if pivot is None:
-            return [Fraction(0)] * size
-        rows[i], rows[pivot] = rows[pivot], rows[i]
-        rows[i] = [value / rows[i][i] for value in rows[i]]
-        for k in range(size):
-            if k != i and rows[k][i]:
-                factor = rows[k][i]
-                rows[k] = [b - factor * c for b, c in zip(rows[k], rows[i], strict=True)]
-    return [line[-1] for line in rows]
 
 
 # ---- output errors ----------------------------------------------------------------------
@@ -502,7 +488,7 @@ def _known(
 def _refuted(
     formulation: Formulation, norm: Norm, settings: Options, until: float
 ) -> FoundDenominators:
-    """Refute errors by cells of denominators, where there is one output."""
+    """Refute errors by cones of denominators, where there is one output."""
     rows = error_rows(formulation, norm, 1.0)
     if rows is None or rows.order == 0:
         return FoundDenominators(0.0, None, ())

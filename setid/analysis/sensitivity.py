@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.consistency import READ_OFF, Consistency, consistency
+from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
 from setid.data.frames import require_pandas
 from setid.data.noise import Noise
@@ -35,6 +35,7 @@ from setid.priors import Box, parameters
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.parameter_box import start_of
+from setid.result.consistency import READ_OFF, Consistency
 from setid.result.identification import Identification
 from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.verified.arithmetic.display import rounded

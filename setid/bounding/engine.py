@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,12 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
-from setid.bounding.long_records import equations, is_long
-from setid.feasible_points.search import coupled, recheck_results, search_ends
+from setid.bounding.long_records import is_long
+from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import Repair, first_point
 from setid.feasible_points.sums import ends_with_sums
 from setid.formulation.completion import place_slack
-from setid.formulation.formulation import Formulation, multiplied_out
+from setid.formulation.formulation import Formulation, count_equations, multiplied_out
 from setid.formulation.lifting import LIFTED
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
@@ -41,7 +42,7 @@ from setid.result.progress import Progress
 from sparsepop_py.budget import Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
-__all__ = ["by_engine", "without_box"]
+__all__ = ["by_engine", "recheck_results", "without_box"]
 
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
@@ -166,7 +167,7 @@ def _solve(
     engine = settings.for_engine(until=context.deadline.wall_end)
     if context.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=context.deadline.cpu_left)
-    at_ends = at_ends or coupled(formulation) or equations(formulation) > _LONG
+    at_ends = at_ends or coupled(formulation) or count_equations(formulation) > _LONG
     engine = replace(engine, refine="none") if points and at_ends else engine
     try:
         found = sp.solve_each(
@@ -182,6 +183,31 @@ def _solve(
         return recheck_results(scaled.problem, _attained(found, points)) if points else tuple(found)
     finally:
         progress.close()
+
+
+def recheck_results(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
+    """Verify certificates again, and return results with what they prove then.
+
+    Trees are made at several cutoffs and verified at the last of them: should rounding make a box
+    larger than its argument allows, that part keeps what its box proves, here and not at the
+    user's.
+    """
+    known: dict[int, Any] = {}
+    return tuple(_rechecked(problem, found, known) for found in results)
+
+
+def _rechecked(problem: sp.Problem, found: sp.Result, known: dict[int, Any]) -> sp.Result:
+    proof = found.certificate
+    if proof is None:
+        return found
+    about = problem.with_objective(found.problem.objective)
+    verdict = proof.verify(about, known)
+    if verdict.ok:
+        return found
+    weaker, bounded = replace(proof, bound=verdict.bound), sp.Status.BOUNDED
+    if np.isfinite(verdict.bound) and weaker.verify(about, known).ok:
+        return replace(found, certificate=weaker, lower_bound=verdict.bound, status=bounded)
+    return replace(found, certificate=None, lower_bound=-inf, status=sp.Status.UNPROVED)
 
 
 def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:

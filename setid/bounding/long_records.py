@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, count_equations
 from setid.proofs.simulated.outputs import Recursion, recursion_of
 
-__all__ = ["equations", "is_long", "long_record"]
+__all__ = ["is_long", "long_record"]
 
 _MANY = 200  # equations beyond which records of noisy outputs are simulated first
-
-
-def equations(formulation: Formulation) -> int:
-    """Count the equations of a problem.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    """
-    return int(np.count_nonzero(formulation.problem.equality))
 
 
 def is_long(formulation: Formulation) -> bool:
@@ -29,7 +17,7 @@ def is_long(formulation: Formulation) -> bool:
     ----------
     formulation : Formulation
     """
-    return equations(formulation) > _MANY
+    return count_equations(formulation) > _MANY
 
 
 def long_record(formulation: Formulation) -> Recursion | None:

@@ -12,20 +12,19 @@ import numpy as np
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, is_open, report_ends
-from setid.bounding.long_records import equations
 from setid.feasible_points.cascades import (
-    CascadeEnds,
+    SimulatedEnds,
     attained_result,
-    cascade_ends,
+    box_near_ends,
     is_cascade,
     on_box,
     point_of,
-    tightened_cascade,
+    simulated_ends,
 )
-from setid.formulation.formulation import Formulation
+from setid.formulation.formulation import Formulation, count_equations
 from setid.formulation.units import in_units
 from setid.minimum_noise.cones.feasible_box import denominator_box
-from setid.proofs.denominators.denominator_cells import output_rows
+from setid.proofs.denominators.output_rows import output_rows
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 from setid.proofs.row_boxes import RowBox
@@ -36,17 +35,17 @@ from sparsepop_py.budget import EARLY, Deadline
 
 __all__ = ["by_simulation"]
 
-_FITS = 0.25  # of the time left, for fits of a cascade from many starts
-_FIT = 0.6  # ... and of a long record from one
-_MORE = 1.5  # times what the proof of one point took: what is kept for each
-_OPEN = "time ended before all cells of the parameters were small: give more time"
-_LEAST = 1e-3  # seconds for the part that is, when the time is over
-_CELLS = 2000  # regions that are parted at most
-_REGIONS = 1000  # equations beyond which regions are parted before the engine is asked
-_NEAR = 0.01  # ... if the first one reaches no more widths beyond the attained ends
-_CONES = 0.9  # of the time, for cones of denominators
-_WIDE = 150.0  # attained widths: from a box this wide on they are faster than the engine
-_ENDS = 0.7  # of the tolerance: what they leave beyond attained ends
+_CASCADE_FITS = 0.25  # of the time left, for fits of a cascade from many starts
+_RECORD_FIT = 0.6  # of the time left, for the fit of a long record from one start
+_POINT_RESERVE = 1.5  # times what the proof of one point took: what is kept for each
+_OUT_OF_TIME = "time ended before all cells of the parameters were small: give more time"
+_LEAST_TIME = 1e-3  # of the time, and seconds: what is given when the time is over
+_MOST_REGIONS = 2000  # regions that are split at most
+_MANY_EQUATIONS = 1000  # equations beyond which regions are split before the engine is asked
+_NEAR_ENDS = 0.01  # attained widths that the first region of a long record may reach beyond
+_CONES_SHARE = 0.9  # of the time, for cones of denominators
+_WIDE_BOX = 150.0  # attained widths: from a box this wide on cones are faster than the engine
+_CONES_TOL = 0.7  # of the tolerance: what cones may leave beyond attained ends
 
 
 def by_simulation(
@@ -58,7 +57,7 @@ def by_simulation(
 ) -> Identification | None:
     """Bound all parameters by simulations over regions.
 
-    Regions are parted where the engine has no better way: for cascades, and for long records whose
+    Regions are split where the engine has no better way: for cascades, and for long records whose
     first region is near the attained ends.
 
     Parameters
@@ -76,18 +75,21 @@ def by_simulation(
     Identification or None
         None where no box to begin with is finite.
     """
-    fits = context.deadline.part(_FITS if is_cascade(formulation) else _FIT)
-    found = context.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
+    fits = context.deadline.part(_CASCADE_FITS if is_cascade(formulation) else _RECORD_FIT)
+    found = context.kept("start", lambda: simulated_ends(formulation, parts, box, fits), None)
     if found is None:
         return None
     begin, number = time.monotonic(), 2 * len(formulation.parameters)
     context.timed("points", lambda: _attained_ends(formulation, box, found, [0], context.deadline))
-    last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
-    share = 1.0 if context.until == inf else max(_LEAST, 1.0 - last / max(context.left, _LEAST))
-    cells = _CELLS if is_cascade(formulation) or equations(formulation) > _REGIONS else 0
-    near = inf if is_cascade(formulation) else _NEAR
+    reserve = _POINT_RESERVE * number * (time.monotonic() - begin)  # points on the final box
+    share = 1.0
+    if context.until < inf:
+        share = max(_LEAST_TIME, 1.0 - reserve / max(context.left, _LEAST_TIME))
+    many = is_cascade(formulation) or count_equations(formulation) > _MANY_EQUATIONS
+    cells = _MOST_REGIONS if many else 0
+    near = inf if is_cascade(formulation) else _NEAR_ENDS
     deadline, tol = context.deadline.part(share), context.settings.tol
-    tighten = partial(tightened_cascade, found, box, tol, deadline, cells, near)
+    tighten = partial(box_near_ends, found, box, tol, deadline, cells, near)
     tightened: ProvedBox | None = context.kept("cells", tighten, None)
     left = found.ends and (tightened is None or tightened.cut_short)
     if (
@@ -95,7 +97,8 @@ def by_simulation(
         and left
         and not _engine_is_faster(formulation, found, tightened or box)
     ):
-        cones = partial(_by_denominators, formulation, context, found, box, deadline.part(_CONES))
+        part = deadline.part(_CONES_SHARE)
+        cones = partial(_by_denominators, formulation, context, found, box, part)
         tightened = context.kept("cones", cones, None) or tightened
     if tightened is not None and tightened.empty:
         return context.empty(formulation, Outcome(box=tightened, notes=notes))
@@ -109,18 +112,20 @@ def by_simulation(
     items = intervals_of(formulation, in_units(problem, formulation), results, context.settings.tol)
     context.kept("report", lambda: report_ends(formulation, context, items), None)
     if cut_short and any(map(is_open, items)) and not context.deadline.stopped:
-        notes = (*notes, _OPEN)
+        notes = (*notes, _OUT_OF_TIME)
     return context.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
 
 
-def _engine_is_faster(formulation: Formulation, found: CascadeEnds, box: ProvedBox | None) -> bool:
+def _engine_is_faster(
+    formulation: Formulation, found: SimulatedEnds, box: ProvedBox | None
+) -> bool:
     """Check that cones take longer: on short records of low order whose box is not very wide."""
-    if box is None or equations(formulation) > _REGIONS:
+    if box is None or count_equations(formulation) > _MANY_EQUATIONS:
         return False
     points = np.array(found.ends)[:, : len(formulation.parameters)]
-    if np.any(box.upper - box.lower > _WIDE * (points.max(axis=0) - points.min(axis=0))):
+    if np.any(box.upper - box.lower > _WIDE_BOX * (points.max(axis=0) - points.min(axis=0))):
         return False
     every = (output_rows(formulation, output) for output in range(formulation.model.outputs))
     return all(rows is not None and rows.order < 3 and not rows.stable for rows in every)
@@ -129,7 +134,7 @@ def _engine_is_faster(formulation: Formulation, found: CascadeEnds, box: ProvedB
 def _by_denominators(
     formulation: Formulation,
     context: BoundingContext,
-    found: CascadeEnds,
+    found: SimulatedEnds,
     box: ProvedBox | None,
     deadline: Deadline,
 ) -> ProvedBox | None:
@@ -137,18 +142,18 @@ def _by_denominators(
     if not isinstance(box, RowBox | None):
         return None
     points = np.array(found.ends)[:, : len(formulation.parameters)]
-    attained, tol = (points.min(axis=0), points.max(axis=0)), _ENDS * context.settings.tol
+    attained, tol = (points.min(axis=0), points.max(axis=0)), _CONES_TOL * context.settings.tol
     executor = context.settings.for_engine().executor
     cones = denominator_box(formulation, box, attained, tol, deadline, executor)
     if cones is None or cones.empty or not cones.cut_short:
         return cones
-    return tightened_cascade(on_box(found, cones), cones, tol, context.deadline, 0) or cones
+    return box_near_ends(on_box(found, cones), cones, tol, context.deadline, 0) or cones
 
 
 def _attained_ends(
     formulation: Formulation,
     box: ProvedBox | None,
-    found: CascadeEnds,
+    found: SimulatedEnds,
     ends: Iterable[int],
     deadline: Deadline,
 ) -> tuple[sp.Result, ...]:

@@ -100,6 +100,13 @@ class Noise:
         :class:`RateLimit`. Each is called with the layout of the formulation, whose
         ``variable("eta[3]")`` is a polynomial, and returns ``sp`` constraints.
 
+    Attributes
+    ----------
+    assumptions : tuple of str
+        What bounds that were read off data take for granted; results repeat it.
+    model_error : float
+        Added to the bound of every output sample by :meth:`covering`; 0 before.
+
     Raises
     ------
     NoiseError

@@ -11,21 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import real_array
-from setid.data.tables import Column
+from setid.data.tables import Column, check_distinct
 from setid.errors import DataError
 
 __all__ = ["listed", "read_mat_columns", "stacked"]
-
-
-def _check_distinct(
-    path: str | os.PathLike[str], columns: Sequence[Column], places: list[Any]
-) -> None:
-    """Refuse one column for two signals."""
-    for column, place in zip(columns, places, strict=True):
-        if places.count(place) > 1:
-            raise DataError(
-                f"{path}: found column {column!r} for two signals, expected one for each"
-            )
 
 
 def read_mat_columns(
@@ -53,7 +42,7 @@ def read_mat_columns(
         raise DataError(
             f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
         )
-    _check_distinct(path, names, list(names))
+    check_distinct(path, names, list(names))
     arrays = []
     for name in names:
         if name not in found or name.startswith("__"):

@@ -15,6 +15,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from setid.data.checks import word
 from setid.errors import DataError
 
-__all__ = ["column_names", "Column", "Table", "has_names", "read_table"]
+__all__ = ["column_names", "Column", "Table", "check_distinct", "has_names", "read_table"]
 
 Column = str | int
 PathLike = str | os.PathLike[str]
@@ -102,7 +103,7 @@ def read_table(
     names = [field.strip() for field in rows[0][1]] if names_at else None
     _refuse_samples_in_comments(path, lines[:begin], separator, width, decimal)
     places = [_place(path, column, names, width) for column in columns]
-    _check_distinct(path, columns, places)
+    check_distinct(path, columns, places)
     values = _samples(path, lines[begin + names_at :], rows[names_at:], places, width, decimal)
     skipped = _skipped(path, lines[:begin], rows[1:names_at] if names_at else [])
     if separator == "," and names is None:
@@ -361,7 +362,7 @@ def _place(path: PathLike, column: Column, names: list[str] | None, width: int) 
     return int(column)
 
 
-def _check_distinct(path: PathLike, columns: Sequence[Column], places: list[int]) -> None:
+def check_distinct(path: PathLike, columns: Sequence[Column], places: list[Any]) -> None:
     """Refuse one column for two signals."""
     for column, place in zip(columns, places, strict=True):
         if places.count(place) > 1:

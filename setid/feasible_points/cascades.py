@@ -1,8 +1,9 @@
-"""Cascades: attained points from simulations, then a box from a tree of regions.
+"""Attained points from simulations of records, then a box from a tree of regions.
 
-With an internal signal behind a map behind another block the rows of the polynomial problem say
-little of the parameters until all samples of all signals are known well. A simulation gives them
-from the few parameters, so that the parameters alone are searched and parted.
+They serve cascades and long records. With an internal signal behind a map behind another block
+the rows of the polynomial problem say little of the parameters until all samples of all signals are
+known well. A simulation gives them from the few parameters, so that the parameters alone are
+searched and split.
 """
 
 from __future__ import annotations
@@ -28,23 +29,23 @@ from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.budget import Deadline
 
 __all__ = [
-    "CascadeEnds",
+    "SimulatedEnds",
     "attained_result",
-    "cascade_ends",
+    "simulated_ends",
     "cascade_of",
     "is_cascade",
     "on_box",
-    "tightened_cascade",
+    "box_near_ends",
     "point_of",
 ]
 
 Reals = NDArray[np.float64]
-_SHARE = 0.4  # of a tolerance: a region that reaches less far beyond an end is not parted
+_SHARE = 0.4  # of a tolerance: a region that reaches less far beyond an end is not split
 _LEAST_WIDTH = 1e-9  # of a parameter's box: what its unit is at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CascadeEnds:
+class SimulatedEnds:
     """Parameters whose simulations stay within the noise bounds.
 
     Parameters
@@ -102,15 +103,15 @@ def cascade_of(formulation: Formulation, box: ProvedBox | None = None) -> Recurs
     return recursion_of(formulation, box) if is_cascade(formulation) else None
 
 
-def cascade_ends(
+def simulated_ends(
     formulation: Formulation, parts: Recursion, box: ProvedBox | None, deadline: Deadline
-) -> CascadeEnds | None:
-    """Fit a cascade and go to the ends of its parameters; None without a finite box.
+) -> SimulatedEnds | None:
+    """Fit simulations and go to the ends of parameters; None without a finite box.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Simulated
+    parts : Recursion
     box : ProvedBox or None
     deadline : Deadline
     """
@@ -120,7 +121,7 @@ def cascade_ends(
     fitting = Fitting(formulation, parts, lower, upper)
     best, level = best_fit(fitting, deadline, _first(formulation, parts, deadline.end))
     ends = tuple(reached_ends(fitting, best, deadline)) if level < 1.0 else ()
-    return CascadeEnds(fitting, frozen(best), level, ends)
+    return SimulatedEnds(fitting, frozen(best), level, ends)
 
 
 def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | None:
@@ -140,12 +141,12 @@ def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | 
     return x if np.all(np.isfinite(x)) else None
 
 
-def on_box(found: CascadeEnds, box: ProvedBox) -> CascadeEnds:
+def on_box(found: SimulatedEnds, box: ProvedBox) -> SimulatedEnds:
     """Return the same ends, to be compared with simulations over a smaller box.
 
     Parameters
     ----------
-    found : CascadeEnds
+    found : SimulatedEnds
     box : ProvedBox
         That holds the ends.
     """
@@ -154,8 +155,8 @@ def on_box(found: CascadeEnds, box: ProvedBox) -> CascadeEnds:
     return replace(found, fitting=Fitting(fitting.formulation, fitting.parts, *ends))
 
 
-def tightened_cascade(
-    found: CascadeEnds,
+def box_near_ends(
+    found: SimulatedEnds,
     box: ProvedBox | None,
     tol: float,
     deadline: Deadline,
@@ -166,14 +167,14 @@ def tightened_cascade(
 
     Parameters
     ----------
-    found : CascadeEnds
+    found : SimulatedEnds
     box : ProvedBox or None
-        As of :func:`cascade_ends`.
+        As of :func:`simulated_ends`.
     tol : float
         Of the attained widths.
     deadline : Deadline
     cells : float
-        Regions that are parted at most.
+        Regions that are split at most.
     near : float
         As of :func:`~setid.feasible_set.simulations.simulated_box`.
     """

@@ -8,10 +8,7 @@ to the end of each parameter. What comes back as attained is proved.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +21,7 @@ from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
 
-__all__ = ["coupled", "recheck_results", "search_ends"]
+__all__ = ["coupled", "search_ends"]
 
 Reals = NDArray[np.float64]
 _NEAR = 1e-4  # violations of equations that steps of Newton repair
@@ -117,28 +114,3 @@ def _polished(formulation: Formulation, x: Reals) -> Reals | None:
     if np.max(off, initial=0.0) > _NEAR:
         return None
     return polished(formulation, x, np.arange(x.size))
-
-
-def recheck_results(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
-    """Walk certificates once more, and return results with what they prove then.
-
-    Trees are made at several cut-offs and walked at the last of them: should rounding make a box
-    larger than its argument allows, that part keeps what its box proves, here and not at the
-    user's.
-    """
-    known: dict[int, Any] = {}
-    return tuple(_walked(problem, found, known) for found in results)
-
-
-def _walked(problem: sp.Problem, found: sp.Result, known: dict[int, Any]) -> sp.Result:
-    proof = found.certificate
-    if proof is None:
-        return found
-    about = problem.with_objective(found.problem.objective)
-    verdict = proof.verify(about, known)
-    if verdict.ok:
-        return found
-    weaker, bounded = replace(proof, bound=verdict.bound), sp.Status.BOUNDED
-    if np.isfinite(verdict.bound) and weaker.verify(about, known).ok:
-        return replace(found, certificate=weaker, lower_bound=verdict.bound, status=bounded)
-    return replace(found, certificate=None, lower_bound=-inf, status=sp.Status.UNPROVED)

@@ -22,7 +22,7 @@ from setid.proofs.simulated.tree import (
     TreeNode,
     asked,
     first_region,
-    parted,
+    split_region,
     tightened,
     widened,
 )
@@ -37,14 +37,14 @@ _GAIN = 0.8  # of a width: a step that leaves more is the last one
 
 
 @dataclass(slots=True)
-class _Grown:
-    """A region with the node that it is to become."""
+class _RegionNode:
+    """A region, and what its node of the tree will record."""
 
     region: Region | None
     steps: list[Step] = field(default_factory=list)
     split: int = -1
     at: float = 0.0
-    children: tuple[_Grown, ...] = ()
+    children: tuple[_RegionNode, ...] = ()
 
 
 def principal_directions(slopes: Reals, units: Reals) -> Reals:
@@ -88,17 +88,17 @@ def simulated_box(
     attained : (lower, upper), each (p,) float, or None
         Ends that consistent parameters reach.
     tol : float
-        Of the attained widths: regions that reach less far beyond are not parted.
+        Of the attained widths: regions that reach less far beyond are not split.
     deadline : Deadline
     cells : float
-        Regions that are parted at most.
+        Regions that are split at most.
     near : float
-        Of the attained widths: where the first region reaches farther beyond, none is parted.
+        Of the attained widths: where the first region reaches farther beyond, none is split.
     """
     if not np.all(np.isfinite(box)):
         return None
     region = first_region(formulation, *box, directions)
-    root = _Grown(region)
+    root = _RegionNode(region)
     grower = _Grower(formulation, parts, attained, tol, deadline, cells)
     complete = grower.grow(root, near)
     leaves = [g.region for g in grower.leaves if g.region is not None]
@@ -113,13 +113,13 @@ def simulated_box(
     )
 
 
-def _numbered(root: _Grown) -> tuple[TreeNode, ...]:
+def _numbered(root: _RegionNode) -> tuple[TreeNode, ...]:
     """All nodes, parents before their children."""
     every, found = [root], list[TreeNode]()
-    for grown in every:
-        children = tuple(range(len(every), len(every) + len(grown.children)))
-        every += grown.children
-        found.append(TreeNode(tuple(grown.steps), grown.split, grown.at, children))
+    for node in every:
+        children = tuple(range(len(every), len(every) + len(node.children)))
+        every += node.children
+        found.append(TreeNode(tuple(node.steps), node.split, node.at, children))
     return tuple(found)
 
 
@@ -136,10 +136,10 @@ class _Grower:
         self._formulation, self._parts = formulation, parts
         self._attained, self._tol, self._deadline = attained, tol, deadline
         self._cells = cells
-        self.leaves: list[_Grown] = []
+        self.leaves: list[_RegionNode] = []
 
-    def grow(self, root: _Grown, near: float) -> bool:
-        """Tighten and part regions, the one that reaches farthest first; whether time sufficed."""
+    def grow(self, root: _RegionNode, near: float) -> bool:
+        """Tighten and split regions, the one that reaches farthest first; whether time sufficed."""
         self._tighten(root)
         if root.region is None:
             return True
@@ -148,30 +148,32 @@ class _Grower:
             return False
         scale = np.maximum(_widths(root.region), 1e-300)
         scale[self._parts.readings] = np.inf  # outputs are affine in them, nearly
-        waiting: list[tuple[float, int, _Grown]] = []
+        waiting: list[tuple[float, int, _RegionNode]] = []
         count = 0
         self._file(root, waiting, count)
         while waiting:
-            _, _, grown = heapq.heappop(waiting)
+            _, _, node = heapq.heappop(waiting)
             if self._deadline.over or count >= 2 * self._cells:
-                self.leaves += [grown, *(g for _, _, g in waiting)]
+                self.leaves += [node, *(other for _, _, other in waiting)]
                 return False
-            assert grown.region is not None
-            grown.split, grown.at = self._cut(grown.region, scale)
-            halves = parted(grown.region, grown.split, grown.at)
-            grown.children = tuple(_Grown(half) for half in halves)
-            for child in grown.children:
+            assert node.region is not None
+            node.split, node.at = self._cut(node.region, scale)
+            halves = split_region(node.region, node.split, node.at)
+            node.children = tuple(_RegionNode(half) for half in halves)
+            for child in node.children:
                 self._tighten(child)
                 count += 1
                 self._file(child, waiting, count)
         return True
 
-    def _file(self, grown: _Grown, waiting: list[tuple[float, int, _Grown]], count: int) -> None:
-        beyond = self._beyond(grown.region)
+    def _file(
+        self, node: _RegionNode, waiting: list[tuple[float, int, _RegionNode]], count: int
+    ) -> None:
+        beyond = self._beyond(node.region)
         if beyond <= self._tol:
-            self.leaves.append(grown)
+            self.leaves.append(node)
         else:
-            heapq.heappush(waiting, (-beyond, count, grown))
+            heapq.heappush(waiting, (-beyond, count, node))
 
     def _beyond(self, region: Region | None) -> float:
         """Measure how far a region reaches beyond the attained ends, in their widths."""
@@ -192,20 +194,20 @@ class _Grower:
         split = int(np.argmax((high - low) / scale))
         return split, float(low[split] / 2 + high[split] / 2)
 
-    def _tighten(self, grown: _Grown) -> None:
+    def _tighten(self, node: _RegionNode) -> None:
         for _ in range(_STEPS):
-            if grown.region is None or self._deadline.over:
+            if node.region is None or self._deadline.over:
                 return
-            before = _widths(grown.region)
-            spaces = half_spaces(self._formulation, self._parts, grown.region)
-            step = _step(spaces, asked(grown.region.directions))
+            before = _widths(node.region)
+            spaces = half_spaces(self._formulation, self._parts, node.region)
+            step = _step(spaces, asked(node.region.directions))
             if step is None:
                 return
-            grown.region = tightened(grown.region, spaces, step)
-            grown.steps.append(step)
-            if grown.region is None or self._beyond(grown.region) <= self._tol:
+            node.region = tightened(node.region, spaces, step)
+            node.steps.append(step)
+            if node.region is None or self._beyond(node.region) <= self._tol:
                 return
-            if np.all(_widths(grown.region) >= _GAIN * before):
+            if np.all(_widths(node.region) >= _GAIN * before):
                 return
 
 

@@ -36,6 +36,7 @@ __all__ = [
     "Formulation",
     "Structs",
     "check_priors",
+    "count_equations",
     "formulate",
     "lifted",
     "multiplied_out",
@@ -592,3 +593,13 @@ def _halves(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.flo
     high = x * 134217729.0
     high = high - (high - x)
     return high, x - high
+
+
+def count_equations(formulation: Formulation) -> int:
+    """Count the equations of a problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    return int(np.count_nonzero(formulation.problem.equality))

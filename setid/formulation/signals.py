@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from setid.data.record import IOData
 from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
+from sparsepop_py.verified.arithmetic.scalar_interval import plus
 
 __all__ = ["Ball", "Signal", "internal_range", "measured", "missing_ranges", "product", "unknown"]
 
@@ -253,7 +254,7 @@ def _implied(
         factors += [_signal(s, sample, data, bounds, ranges) for s in item.signals]
         if not all(isfinite(low) and isfinite(high) for low, high in factors):
             return (-inf, inf)
-        total = _plus(total, _product(item, factors))
+        total = plus(total, _product(item, factors))
     return total
 
 
@@ -276,11 +277,7 @@ def _signal(
         low, high = ranges[lagged.signal][place].tolist()
         return low, high
     width = float(bounds[0 if output else 1][place, channel])
-    return (value, value) if width == 0.0 else _plus((value, value), (-width, width))
-
-
-def _plus(left: Interval, right: Interval) -> Interval:
-    return nextafter(left[0] + right[0], -inf), nextafter(left[1] + right[1], inf)
+    return (value, value) if width == 0.0 else plus((value, value), (-width, width))
 
 
 def _product(item: Term, factors: list[Interval]) -> Interval:

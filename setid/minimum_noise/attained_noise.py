@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from setid.feasible_points.fits.random_poles import random_denominator
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
-from setid.proofs.denominators.denominator_cells import first_cones
+from setid.proofs.denominators.cones import first_cones
 from sparsepop_py.budget import Deadline
 
 __all__ = ["AttainedNoise"]

@@ -8,12 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    DenominatorCells,
-    OutputRows,
-    VaryingLeaf,
-)
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 
 __all__ = ["FoundDenominators", "claimed"]

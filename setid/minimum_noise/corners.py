@@ -4,7 +4,7 @@ For one denominator the least sum of the sizes of errors is a linear program, an
 a multiplier, 1 or -1 at most samples. Hence a multiplier lets more noise through at once where the
 denominator is another one. A cone is bounded by the family of the multipliers at
 its vectors (:mod:`setid.proofs.denominators.varying_multipliers`), which follow the denominator, so
-that the gap is of second order in the width of the cone. Cones with the least bound are parted
+that the gap is of second order in the width of the cone. Cones with the least bound are split
 first, at the pair of vectors that says least.
 """
 
@@ -19,15 +19,9 @@ from numpy.typing import NDArray
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
 from setid.minimum_noise.programs import Programs, shifted
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    let_through,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, split_cone
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
 from sparsepop_py.budget import Deadline
 
@@ -65,6 +59,8 @@ def by_corners(
 
 
 class _Search:
+    """Best-first search over cones, with one multiplier for each vector."""
+
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
@@ -88,7 +84,7 @@ class _Search:
             enough = low >= min((1.0 - self._tol) * self._level, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
-            self._part(low, number, cone, edge)
+            self._split(low, number, cone, edge)
         none = np.zeros((0, self._rows.y.size))
         assert self._programs.free is not None
         claim = VaryingCells(self._output, self._programs.free, none, tuple(self._cells))
@@ -132,7 +128,7 @@ class _Search:
             self._level = level
             found = monic(vector, self._rows.stable)
             self._best = self._best if found is None else [found[1:], *self._best[:4]]
-        noise = float(let_through(self._rows, vector @ shifted(multiplier, self._rows.order)))
+        noise = float(dual_norm(self._rows, vector @ shifted(multiplier, self._rows.order)))
         if not (np.isfinite(noise) and noise > 0.0):
             return None
         multiplier = multiplier * (size * size / noise)
@@ -149,21 +145,21 @@ class _Search:
         value = vectors @ np.array([corner.moment for corner in corners]).T
         filtered = np.einsum("jv,kvn->jkn", vectors, ahead)
         needed = value[one, two] + value[two, one]
-        noise = let_through(self._rows, filtered[one, two] + filtered[two, one])
+        noise = dual_norm(self._rows, filtered[one, two] + filtered[two, one])
         ratio = needed / np.maximum(noise, 1e-300)
         apart = np.where(one == two, np.inf, ratio)
         place = int(np.argmin(apart))
         return max(0.0, float(ratio.min())), (int(one[place]), int(two[place]))
 
-    def _part(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
+    def _split(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
         i, j = edge
         sizes = [max(abs(int(v)) for v in cone[place].tolist()) for place in edge]
         weights = edge_weights(sizes[1].bit_length() - sizes[0].bit_length())
-        parts = parted_cone(cone, (i, j), weights) if i != j else None
-        if parts is None:  # too thin: it stays a leaf
+        halves = split_cone(cone, (i, j), weights) if i != j else None
+        if halves is None:  # too thin: it stays a leaf
             self._cap = min(self._cap, low)
             return
         first = len(self._cells)
         self._cells[number] = Cell((first, first + 1), (i, j), weights)
-        for part in parts:
-            self._add(part)
+        for half in halves:
+            self._add(half)

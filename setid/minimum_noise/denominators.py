@@ -23,15 +23,9 @@ from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
 from setid.minimum_noise.programs import Programs, programs_of, shifted
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    DenominatorCells,
-    OutputRows,
-    first_cones,
-    let_through,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, split_cone
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, dual_norm
+from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.budget import Deadline
 
 __all__ = ["FoundDenominators", "least_output_noise"]
@@ -41,13 +35,13 @@ Integers = NDArray[np.int64]
 _FIRST = 0.03  # of the time: for multipliers that do not vary
 _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
-_PROGRAMS = 2  # a cone before it is parted
+_PROGRAMS = 2  # a cone before it is split
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
 _MEMORY = 2.0**28  # bytes of multipliers
 
 
-class _Grown(NamedTuple):
-    """A cone in the search."""
+class _OpenCone(NamedTuple):
+    """A cone that nothing refutes yet, and what multipliers say at its vectors."""
 
     number: int
     cone: Cone
@@ -103,6 +97,8 @@ def least_output_noise(
 
 
 class _Search:
+    """Best-first search over cones, with weighted multipliers for each cone."""
+
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
@@ -112,7 +108,7 @@ class _Search:
         self._moments: list[Reals] = []
         self._cells: list[Cell] = []
         self._proved: list[float] = []
-        self._waiting: list[tuple[float, int, _Grown]] = []
+        self._waiting: list[tuple[float, int, _OpenCone]] = []
         self._level, self._cap, self._best = np.inf, np.inf, list[Reals]()
         self._random = np.random.default_rng(5)
         self._most = int(_MEMORY / (8.0 * rows.y.size))
@@ -121,13 +117,13 @@ class _Search:
         for cone in first_cones(self._rows.order, self._rows.stable):
             sizes = np.abs(cone.astype(np.float64)).max(axis=1)
             nothing = np.zeros((0, len(cone)))
-            self._add(_Grown(-1, cone, [], nothing, nothing, None, sizes, -1), 0.0, Cell())
+            self._add(_OpenCone(-1, cone, [], nothing, nothing, None, sizes, -1), 0.0, Cell())
         while self._waiting:
-            low, _, grown = heapq.heappop(self._waiting)
+            low, _, node = heapq.heappop(self._waiting)
             enough = low >= min(self.target, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
-            self._part(grown, low)
+            self._split(node, low)
         return self._found()
 
     @property
@@ -135,54 +131,54 @@ class _Search:
         """The factor that is to be refuted."""
         return (1.0 - self._tol) * self._level if np.isfinite(self._level) else np.inf
 
-    def _add(self, grown: _Grown, least: float, whole: Cell) -> None:
-        """File a cone with what refutes it; what refutes a whole does so for its parts."""
+    def _add(self, node: _OpenCone, least: float, whole: Cell) -> None:
+        """File a cone with what refutes it; what refutes a whole does so for its halves."""
         number = len(self._cells)
         self._cells.append(Cell())
         self._proved.append(0.0)
-        low, shares = self._bound(grown)
-        mixture = np.full(len(grown.cone), 1.0 / len(grown.cone))
-        for program in range(_PROGRAMS if low < self.target or not grown.used else 0):
-            found = self._tried(grown, mixture, program)
+        low, shares = self._bound(node)
+        mixture = np.full(len(node.cone), 1.0 / len(node.cone))
+        for program in range(_PROGRAMS if low < self.target or not node.used else 0):
+            found = self._tried(node, mixture, program)
             if found is None:
                 break
-            grown = found
-            low, shares = self._bound(grown)
+            node = found
+            low, shares = self._bound(node)
             if low >= self.target:
                 break
-            mixture = self._worst(grown, low)
+            mixture = self._worst(node, low)
         used = np.flatnonzero(shares)
         self._cells[number] = whole
         if low > least:
-            own = tuple(grown.used[i] for i in used)
+            own = tuple(node.used[i] for i in used)
             self._cells[number] = Cell(used=own, shares=tuple(shares[used].tolist()))
         self._proved[number] = low = max(low, least)
-        if low < self.target and grown.centre >= 0:
+        if low < self.target and node.centre >= 0:
             kept = handed_on(shares)
-            grown = grown._replace(
+            node = node._replace(
                 number=number,
-                used=[grown.used[i] for i in kept],
-                values=grown.values[kept],
-                noises=grown.noises[kept],
+                used=[node.used[i] for i in kept],
+                values=node.values[kept],
+                noises=node.noises[kept],
             )
-            heapq.heappush(self._waiting, (low, number, grown))
+            heapq.heappush(self._waiting, (low, number, node))
 
-    def _tried(self, grown: _Grown, mixture: Reals, program: int) -> _Grown | None:
+    def _tried(self, node: _OpenCone, mixture: Reals, program: int) -> _OpenCone | None:
         for _ in range(_TRIES):
-            found = self._with_multiplier(grown, mixture, program)
+            found = self._with_multiplier(node, mixture, program)
             if found is not None:
                 return found
             mixture = mixture * self._random.uniform(0.5, 1.5, mixture.size)
         return None
 
-    def _with_multiplier(self, grown: _Grown, mixture: Reals, program: int) -> _Grown | None:
+    def _with_multiplier(self, node: _OpenCone, mixture: Reals, program: int) -> _OpenCone | None:
         """Add the multiplier of one denominator in a cone."""
-        a = (mixture / grown.sizes) @ grown.cone.astype(np.float64)
+        a = (mixture / node.sizes) @ node.cone.astype(np.float64)
         largest = float(np.abs(a).max())
         solved = None
         if np.isfinite(largest) and largest > 0.0:
             a = a / largest
-            solved = self._programs.solve(a, grown.reference)
+            solved = self._programs.solve(a, node.reference)
         if solved is None:
             return None
         level, multiplier, reference = solved
@@ -194,16 +190,16 @@ class _Search:
         number = len(self._multipliers)
         self._multipliers.append(multiplier)
         self._moments.append(shifted(multiplier, self._rows.order) @ self._rows.y)
-        sizes = self._noises(multiplier, grown.cone.astype(np.float64))
-        values = grown.cone.astype(np.float64) @ self._moments[number]
+        sizes = self._noises(multiplier, node.cone.astype(np.float64))
+        values = node.cone.astype(np.float64) @ self._moments[number]
         first = program == 0
-        return grown._replace(
-            used=[*grown.used, number],
-            values=np.vstack([grown.values, values]),
-            noises=np.vstack([grown.noises, sizes]),
+        return node._replace(
+            used=[*node.used, number],
+            values=np.vstack([node.values, values]),
+            noises=np.vstack([node.noises, sizes]),
             reference=reference,
-            sizes=np.maximum(sizes, 1e-300) if first else grown.sizes,
-            centre=number if first else grown.centre,
+            sizes=np.maximum(sizes, 1e-300) if first else node.sizes,
+            centre=number if first else node.centre,
         )
 
     def _note(self, a: Reals, level: float) -> None:
@@ -217,14 +213,14 @@ class _Search:
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
-        return let_through(self._rows, vectors @ shifted(multiplier, self._rows.order))
+        return dual_norm(self._rows, vectors @ shifted(multiplier, self._rows.order))
 
-    def _bound(self, grown: _Grown) -> tuple[float, Reals]:
+    def _bound(self, node: _OpenCone) -> tuple[float, Reals]:
         """The factor that weighted multipliers refute in a cone, and their signed weights."""
-        if not grown.used:
+        if not node.used:
             return 0.0, np.zeros(0)
-        values = np.vstack([grown.values, -grown.values]) / grown.sizes
-        noises = np.vstack([grown.noises, grown.noises]) / grown.sizes
+        values = np.vstack([node.values, -node.values]) / node.sizes
+        noises = np.vstack([node.noises, node.noises]) / node.sizes
         best, shares, factor = 0.0, np.zeros(len(values)), self.target
         factor = factor if np.isfinite(factor) else 0.0
         for _ in range(6):  # W. Dinkelbach, 1967: the largest ratio
@@ -239,7 +235,7 @@ class _Search:
             factor = low
         if best < factor and best < self.target:
             best, shares = self._lower(values, noises, best, shares)
-        half = len(grown.used)
+        half = len(node.used)
         return best, shares[:half] - shares[half:]
 
     def _lower(
@@ -257,38 +253,38 @@ class _Search:
             best, shares, factor = low, weights, low
         return best, shares
 
-    def _worst(self, grown: _Grown, low: float) -> Reals:
+    def _worst(self, node: _OpenCone, low: float) -> Reals:
         """The mixture of vectors (K,) at which multipliers say least."""
-        values = np.vstack([grown.values, -grown.values]) / grown.sizes
-        noises = np.vstack([grown.noises, grown.noises]) / grown.sizes
+        values = np.vstack([node.values, -node.values]) / node.sizes
+        noises = np.vstack([node.noises, node.noises]) / node.sizes
         target = self.target if np.isfinite(self.target) else low
         mixture = matrix_game(values - max(low, target) * noises)[1]
-        return np.full(len(grown.cone), 1.0 / len(grown.cone)) if mixture is None else mixture
+        return np.full(len(node.cone), 1.0 / len(node.cone)) if mixture is None else mixture
 
-    def _part(self, grown: _Grown, low: float) -> None:
-        """Part a cone at the edge along which its multipliers change most."""
-        cone = grown.cone.astype(np.float64)
-        filtered = cone @ shifted(self._multipliers[grown.centre], self._rows.order)
-        edge = changing_edge(filtered, grown.sizes, self._rows.bound)
-        parts = None if edge is None else parted_cone(grown.cone, edge[:2], edge[2])
-        if edge is None or parts is None:  # too thin: it stays a leaf
+    def _split(self, node: _OpenCone, low: float) -> None:
+        """Split a cone at the edge along which its multipliers change most."""
+        cone = node.cone.astype(np.float64)
+        filtered = cone @ shifted(self._multipliers[node.centre], self._rows.order)
+        edge = changing_edge(filtered, node.sizes, self._rows.bound)
+        halves = None if edge is None else split_cone(node.cone, edge[:2], edge[2])
+        if edge is None or halves is None:  # too thin: it stays a leaf
             self._cap = min(self._cap, low)
             return
         i, j, weights = edge
         first = len(self._cells)
         children = first, first + 1
-        new = parts[0][i].astype(np.float64)
-        values = np.array([new @ self._moments[m] for m in grown.used])
-        noises = np.array([self._noises(self._multipliers[m], new[None])[0] for m in grown.used])
-        size = float(self._noises(self._multipliers[grown.centre], new[None])[0])
-        whole, self._cells[grown.number] = (
-            self._cells[grown.number],
+        new = halves[0][i].astype(np.float64)
+        values = np.array([new @ self._moments[m] for m in node.used])
+        noises = np.array([self._noises(self._multipliers[m], new[None])[0] for m in node.used])
+        size = float(self._noises(self._multipliers[node.centre], new[None])[0])
+        whole, self._cells[node.number] = (
+            self._cells[node.number],
             Cell(children, (i, j), weights),
         )
-        for place, part in zip((i, j), parts, strict=True):
-            own, more, sizes = grown.values.copy(), grown.noises.copy(), grown.sizes.copy()
+        for place, half in zip((i, j), halves, strict=True):
+            own, more, sizes = node.values.copy(), node.noises.copy(), node.sizes.copy()
             own[:, place], more[:, place], sizes[place] = values, noises, max(size, 1e-300)
-            child = grown._replace(number=-1, cone=part, values=own, noises=more, sizes=sizes)
+            child = node._replace(number=-1, cone=half, values=own, noises=more, sizes=sizes)
             self._add(child, low, whole)
 
     def _found(self) -> FoundDenominators:

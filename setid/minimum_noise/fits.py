@@ -13,7 +13,7 @@ from setid.data.record import IOData
 from setid.formulation.regression import regression_of_data
 from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.models.lti import TransferFunction
-from setid.proofs.denominators.denominator_cells import OutputRows
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.simulation.responses import run
 
 __all__ = ["fit_of_denominator"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from setid.minimum_noise.exchanges import Approximation, approximated
-from setid.proofs.denominators.denominator_cells import OutputRows
+from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
 __all__ = ["Programs", "longest_stretches", "programs_of", "shifted"]

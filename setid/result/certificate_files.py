@@ -35,6 +35,8 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
     SignTree,
+    halves,
+    hull,
     linear_rows,
 )
 
@@ -356,10 +358,10 @@ def _sign_tree(tree: SignTree, rows: Regression, box: Box, nodes: list[dict[str,
     nodes.append(node)
     if tree.split >= 0:
         found = []
-        for child, half in zip(tree.children, _halves(box, tree.split), strict=True):
+        for child, half in zip(tree.children, halves(box, tree.split), strict=True):
             node["children"].append(len(nodes))
             found.append(_sign_tree(child, rows, half, nodes))
-        return _hull(found)
+        return hull(found)
     if not tree.bounds:
         return box
     problem = linear_rows(rows, box)
@@ -386,17 +388,3 @@ def _sign_tree(tree: SignTree, rows: Regression, box: Box, nodes: list[dict[str,
         return np.full(box[0].size, np.inf), np.full(box[0].size, -np.inf)
     ends = np.array([bound.lower for bound in tree.bounds])
     return np.maximum(box[0], ends[0::2]), np.minimum(box[1], -ends[1::2])
-
-
-def _halves(box: Box, place: int) -> tuple[Box, Box]:
-    high, low = box[1].copy(), box[0].copy()
-    high[place], low[place] = min(high[place], 0.0), max(low[place], 0.0)
-    return (box[0], high), (low, box[1])
-
-
-def _hull(parts: list[Box]) -> Box:
-    full = [part for part in parts if not np.any(part[0] > part[1])]
-    if not full:
-        return parts[0]
-    lows, highs = zip(*full, strict=True)
-    return np.min(lows, axis=0), np.max(highs, axis=0)

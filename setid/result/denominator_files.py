@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.proofs.denominators.denominator_box import DenominatorBox, Limit
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    output_rows,
-)
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 
 __all__ = ["denominator_steps"]
 

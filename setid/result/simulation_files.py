@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from setid.formulation.formulation import Formulation
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
-from setid.proofs.simulated.tree import SimulatedBox, first_region, parted, tightened
+from setid.proofs.simulated.tree import SimulatedBox, first_region, split_region, tightened
 from setid.proofs.supports import sources
 
 __all__ = ["simulation_step"]
@@ -55,7 +55,7 @@ def simulation_step(
             steps[number].append({"rows": rows, "weights": step.weights.tolist()})
             region = tightened(region, spaces, step)
         if region is not None and node.children:
-            waiting += zip(parted(region, node.split, node.at), node.children, strict=True)
+            waiting += zip(split_region(region, node.split, node.at), node.children, strict=True)
     return {
         "is": "Simulation",
         "directions": box.directions.tolist(),

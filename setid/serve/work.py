@@ -17,7 +17,7 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.bands.outputs import Mode
-from setid.consistency import Consistency, consistency
+from setid.consistency import consistency
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -28,6 +28,7 @@ from setid.models.lti import TransferFunction
 from setid.models.registry import family_of
 from setid.options import Options
 from setid.priors import Stable
+from setid.result.consistency import Consistency
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from sparsepop_py.files import write_text

@@ -47,7 +47,7 @@ from sparsepop_py.strategy.relaxation_queue import (
     RelaxationQueue,
     relaxation_for_nodes,
 )
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import BOUND_TIGHTENING, STRATEGY, TREE
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
 from sparsepop_py.tightening.obbt_lp import apply_steps, tighten_by_lp
@@ -79,8 +79,30 @@ class AdaptiveSearch:
         Nearly feasible vectors seen so far.
     shared_state : SharedState
         Structure of the problem, and what was learned on it.
+    history : list of HistoryEntry
+        One entry for each step.
+    costs : list of float
+        Seconds of each step.
+    outcome : CertifiedBound
+        The best proved bound.
+    tree : Search or None
+        The branch-and-bound tree that grows now.
+    seen : int
+        Nodes of trees that were left.
+    exhausted : bool
+        Whether nothing was left to try on the current box.
+    best : BoxBound
+        The argument on the own box that proves most.
+    rate : float or None
+        Share of the gap that the last slice of the tree closed per second.
+    linear_bound : float
+        The largest bound of a linear relaxation.
     more_starts : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
+    solved : set of bytes
+        Hashes of the relaxations that were solved, each with its box.
+    last : (Interval, Scaled) or None
+        A box, and the problem scaled to it.
     least_cutoff : float
         The least cutoff with which the box was tightened.
     point : (n,) float or None
@@ -98,7 +120,7 @@ class AdaptiveSearch:
     history: list[HistoryEntry] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     outcome: CertifiedBound = field(init=False)
-    search: Search | None = None
+    tree: Search | None = None
     seen: int = 0
     exhausted: bool = False
     best: BoxBound = field(init=False)
@@ -109,7 +131,7 @@ class AdaptiveSearch:
     last: tuple[Interval, Scaled] | None = None
     least_cutoff: float = np.inf
     point: NDArray[np.float64] | None = None
-    longest_slice: float = STRATEGY.slice_seconds
+    longest_slice: float = TREE.longest_slice
     at_nodes: RelaxationSpec | None = None
 
     def __post_init__(self) -> None:
@@ -135,8 +157,8 @@ class AdaptiveSearch:
         return self.context.closed(self.bound) or self.context.deadline.over
 
     @property
-    def left(self) -> float:
-        """The gap that is left, in gaps that count as closed."""
+    def gap_ratio(self) -> float:
+        """The gap, in gaps that count as closed."""
         return self._gap / max(self.context.allowed, 1e-300)
 
     def run(self, most: int | None = None) -> None:
@@ -161,7 +183,7 @@ class AdaptiveSearch:
                 done += 1
         finally:
             self.least_cutoff = self.context.cutoff
-            if self.search is not None:
+            if self.tree is not None:
                 self._close_search()
 
     @property
@@ -174,7 +196,7 @@ class AdaptiveSearch:
         """Check that the next step takes long, so that a better incumbent should precede it."""
         if not isinstance(spec, RelaxationSpec):
             return True
-        return self.queue.seconds(spec) > STRATEGY.cheap
+        return self.queue.seconds(spec) > STRATEGY.cheap_seconds
 
     def search_more_starts(self) -> bool:
         """Search from the starts that are left, all at once; return whether there were any."""
@@ -214,12 +236,12 @@ class AdaptiveSearch:
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
         # a gap shrinks about as fast as the widths of the branching variables: it may close now
-        smaller = max(STRATEGY.smaller_box, 1.0 / max(self.left, 1.0))
-        if self.search is None and self.tried and width.min(initial=1.0) < smaller:
+        smaller = max(STRATEGY.smaller_box_share, 1.0 / max(self.gap_ratio, 1.0))
+        if self.tree is None and self.tried and width.min(initial=1.0) < smaller:
             chosen = np.isin(np.flatnonzero(moved), self.shared_state.variables)
             kept = float(np.mean(width[chosen] if chosen.any() else width))
-            share = progress(self.left, self.left * kept, 1.0)
-            self.queue.again((spec for spec, _, _ in self.tried), worth_of(share))
+            share = progress(self.gap_ratio, self.gap_ratio * kept, 1.0)
+            self.queue.requeue((spec for spec, _, _ in self.tried), worth_of(share))
             self.tried = []
         self._shrink()
 
@@ -227,7 +249,7 @@ class AdaptiveSearch:
     def steps_below(self) -> tuple[Step, ...]:
         """Steps that tightened the own box below the cutoff, with those of the tree's root."""
         own = self.model.proof.steps[len(self.shared_model.proof.steps) :]
-        return own if self.search is None else (*own, *self.search.root_steps)
+        return own if self.tree is None else (*own, *self.tree.root_steps)
 
     def adopt(self, steps: tuple[Step, ...]) -> None:
         """Tighten the own box by steps that other searches below the cutoff have found.
@@ -250,12 +272,12 @@ class AdaptiveSearch:
 
     def _next(self) -> RelaxationSpec | str | None:
         """Select the step with the largest expected gain per second, None if none is left."""
-        if self.search is not None and not self.search.update_context(self.context):
-            self.seen, self.search = self.search.seen, None  # another tree must be grown
-        left = self.context.deadline.expected
+        if self.tree is not None and not self.tree.update_context(self.context):
+            self.seen, self.tree = self.tree.seen, None  # another tree must be grown
+        seconds_left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
-            best, most = self.queue.best(left)
-            order = self.queue.next_order(best, left)
+            best, most = self.queue.best(seconds_left)
+            order = self.queue.next_order(best, seconds_left)
         if order is not None:
             return order
         branch = self._branch_rate()
@@ -269,8 +291,8 @@ class AdaptiveSearch:
         One slice without gain tells little of a tree, and what a long relaxation costs is not well
         known before.
         """
-        share = STRATEGY.tree_before * self.queue.seconds(spec)
-        return share > max(self._branched, STRATEGY.slice_seconds)
+        share = TREE.share_before_relaxation * self.queue.seconds(spec)
+        return share > max(self._branched, TREE.longest_slice)
 
     def _scaled(self) -> Scaled:
         """Scale the problem to the current box; remembered until the box changes."""
@@ -285,18 +307,18 @@ class AdaptiveSearch:
         limit = self.context.options.node_limit
         if "branch" in self.context.options.skip:
             return None
-        if self.search is not None:
-            over = limit is not None and self.search.seen >= limit
-            return None if over or self.search.done or self._idle(self.search) else self.rate
+        if self.tree is not None:
+            over = limit is not None and self.tree.seen >= limit
+            return None if over or self.tree.done or self._idle(self.tree) else self.rate
         if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen, node = self.shared_state.cost_model, max(1e-2, min(self.costs))
-        rate = 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+        rate = 1.0 / (node * TREE.nodes_per_effort * self.shared_state.effort)
         if _BRANCH in seen.progress:  # a slice without gain does not speak for all trees
             return max(0.3 * rate, seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH]))
         return rate
 
-    def _idle(self, search: Search) -> bool:
+    def _idle(self, tree: Search) -> bool:
         """Check that a tree which nothing else ends has doubled in vain.
 
         Nothing ends it where no limit is given and the gap cannot close: without a way to attain
@@ -306,18 +328,18 @@ class AdaptiveSearch:
         if options.node_limit is not None or not self.context.deadline.unlimited:
             return False
         if np.isfinite(upper):
-            stays_open = self._gap <= STRATEGY.rounding * max(1.0, abs(upper))
+            stays_open = self._gap <= STRATEGY.rounding_gap * max(1.0, abs(upper))
         else:
             stays_open = not self.context.attains
         nodes = self._gained[1]
-        return stays_open and search.seen - nodes >= max(STRATEGY.idle_nodes, nodes)
+        return stays_open and tree.seen - nodes >= max(TREE.idle_nodes, nodes)
 
-    def _note_gain(self, search: Search) -> None:
+    def _note_gain(self, tree: Search) -> None:
         """Note where the bound has gained what counts as a gap, and more than rounding."""
-        bound = max(self.bound, search.bound)
-        least = max(self.context.allowed, STRATEGY.rounding * max(1.0, abs(bound)))
+        bound = max(self.bound, tree.bound)
+        least = max(self.context.allowed, STRATEGY.rounding_gap * max(1.0, abs(bound)))
         if bound - self._gained[0] > least:
-            self._gained = bound, search.seen
+            self._gained = bound, tree.seen
 
     # ---- one step -----------------------------------------------------------------------------
 
@@ -331,7 +353,7 @@ class AdaptiveSearch:
             relaxation = self._relax(spec)
             if self._put_off:
                 return
-            self.queue.state(spec)
+            self.queue.remove_up_to(spec)
             if relaxation is None:
                 return
             self._leave_weak_tree()
@@ -357,7 +379,7 @@ class AdaptiveSearch:
             seconds=seconds,
             largest_block=max(relaxation.block_sizes, default=0) if relaxation else 0,
             moments=relaxation.moments.shape[0] if relaxation else 0,
-            nodes=self.search.seen if self.search is not None else self.seen,
+            nodes=self.tree.seen if self.tree is not None else self.seen,
         )
 
     def _relax(self, spec: RelaxationSpec) -> Relaxation | None:
@@ -379,16 +401,17 @@ class AdaptiveSearch:
         if same in self.solved:
             return None
         expected = self._expected(spec, relaxation)
-        left, seen = self.context.deadline.expected, self.shared_state.cost_model
-        self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
+        seconds_left, cost_model = self.context.deadline.expected, self.shared_state.cost_model
+        longest = np.inf if seconds_left is None else STRATEGY.most_overtime * seconds_left
+        self._put_off = cost_model.pace * expected > longest
         if self._put_off:
-            self.queue.put_off(spec, expected)
+            self.queue.set_expected_seconds(spec, expected)
             return None
         self.solved.add(same)
         start = self.context.deadline.now()
         box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
         spent = self.context.deadline.now() - start
-        if max(spent, expected) > STRATEGY.telling:
+        if max(spent, expected) > STRATEGY.telling_seconds:
             self.shared_state.cost_model.pace = float(np.clip(spent / expected, 0.2, 5.0))
         self.tried.append((spec, box_bound.proved.bound, spent))
         self._accept(box_bound, relaxation)
@@ -398,10 +421,10 @@ class AdaptiveSearch:
         )
         if box_bound.solution is not None and box_bound.solution.status in ("solved", "almost"):
             starts.append(first_moments(scaled, relaxation, box_bound.solution.y))
-        poor = self.context.upper - STRATEGY.poor_cutoff * self._gap
+        poor = self.context.upper - STRATEGY.poor_cutoff_share * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
-            self.queue.again([spec])  # the cutoff was far from what it can be
+            self.queue.requeue([spec])  # the cutoff was far from what it can be
         return relaxation
 
     def _expected(self, spec: RelaxationSpec, relaxation: Relaxation) -> float:
@@ -436,7 +459,8 @@ class AdaptiveSearch:
     def _shrink(self) -> None:
         """Propagate bounds with the current cutoff."""
         with self.context.stages.stage("presolve"):
-            box, step = tighten(self.context.at_cutoff(), self.model.box, STRATEGY.sweeps)
+            replay, sweeps = self.context.at_cutoff(), STRATEGY.propagation_sweeps
+            box, step = tighten(replay, self.model.box, sweeps)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 
@@ -450,7 +474,7 @@ class AdaptiveSearch:
     def _linear(self) -> Relaxation:
         """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
-        for number in range(STRATEGY.obbt_rounds):
+        for number in range(BOUND_TIGHTENING.rounds):
             if self.context.deadline.late:
                 break
             solution = self._bound_linear(mccormick)
@@ -487,7 +511,7 @@ class AdaptiveSearch:
         if objective.degree == 1 and objective.support.size == 1:
             (variable,) = objective.support
             size = abs(float(objective.coefficients[-1]))
-            room = STRATEGY.room * self.context.allowed / size
+            room = STRATEGY.objective_room * self.context.allowed / size
             if self.model.box.width()[variable] <= room < np.inf:
                 slack[variable] = room
         return slack
@@ -509,7 +533,7 @@ class AdaptiveSearch:
 
     def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
         """Tighten bounds by linear programs; return whether another round may gain."""
-        variables = self.shared_state.variables[: STRATEGY.most_tightened]
+        variables = self.shared_state.variables[: BOUND_TIGHTENING.most_variables]
         if not variables or not self.shared_state.obbt_lp:
             return False
         with self.context.stages.stage("presolve"):
@@ -527,7 +551,7 @@ class AdaptiveSearch:
         self.context = replace(self.context, below=True)
         self._shrink()
         mccormick = self._mccormick()
-        for _ in range(STRATEGY.obbt_rounds):
+        for _ in range(BOUND_TIGHTENING.rounds):
             if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
@@ -538,26 +562,26 @@ class AdaptiveSearch:
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
-        slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, self.longest_slice))
-        if self.search is None:
+        slice_ = float(np.clip(self.queue.shortest, TREE.shortest_slice, self.longest_slice))
+        if self.tree is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()
             search_incumbent, seen = self._search_in_tree, self.seen
-            self.search = Search(
+            self.tree = Search(
                 self.context, settings, proof, box, search_incumbent, root, seen=seen
             )
-        search, limit = self.search, self.context.options.node_limit
+        tree, limit = self.tree, self.context.options.node_limit
 
         def stop() -> bool:
-            self._note_gain(search)
-            late = self.context.deadline.now() - start > slice_ or self._idle(search)
-            return late or search.context.deadline.over or search.context.closed(search.bound)
+            self._note_gain(tree)
+            late = self.context.deadline.now() - start > slice_ or self._idle(tree)
+            return late or tree.context.deadline.over or tree.context.closed(tree.bound)
 
-        nodes = 10**9 if limit is None else limit - search.seen
-        search.grow(nodes, stop, self.context.options.executor)
-        self.context = search.context
-        self._reconsider(search)
-        if search.done or search.bound > self.bound:
+        nodes = 10**9 if limit is None else limit - tree.seen
+        tree.grow(nodes, stop, self.context.options.executor)
+        self.context = tree.context
+        self._reconsider(tree)
+        if tree.done or tree.bound > self.bound:
             self._close_search()
 
     def _leave_weak_tree(self) -> None:
@@ -565,28 +589,28 @@ class AdaptiveSearch:
 
         Each open node would need that relaxation once; another tree has it from its root on.
         """
-        search = self.search
-        if search is None or search.done or not self.tried:
+        tree = self.tree
+        if tree is None or tree.done or not self.tried:
             return
-        if self._gap < STRATEGY.weak_tree * (self.context.upper - search.bound):
-            self.seen, self.search, self.at_nodes = search.seen, None, self._strongest
+        if self._gap < TREE.weak_gap_share * (self.context.upper - tree.bound):
+            self.seen, self.tree, self.at_nodes = tree.seen, None, self._strongest
 
     @property
     def _strongest(self) -> RelaxationSpec:
         """The relaxation of the root that proved most."""
         return max(self.tried, key=lambda entry: entry[1])[0]
 
-    def _reconsider(self, search: Search) -> None:
+    def _reconsider(self, tree: Search) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
-        slow = search.seen > STRATEGY.patience_nodes and search.settings.spec is None and self.tried
-        if slow and not search.done and not self.over:
-            search.settings = replace(search.settings, spec=self._strongest)
+        slow = tree.seen > TREE.patience_nodes and tree.settings.spec is None and self.tried
+        if slow and not tree.done and not self.over:
+            tree.settings = replace(tree.settings, spec=self._strongest)
 
     def _plan(self) -> NodeSettings:
         """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
         base = self.linear_bound if np.isfinite(self.linear_bound) else self.first_bound
         obbt_lp = (
-            len(self.shared_state.variables) <= STRATEGY.most_tightened
+            len(self.shared_state.variables) <= BOUND_TIGHTENING.most_variables
             and "obbt_lp" not in self.context.options.skip
         )
         seen = self.shared_state.cost_model.seconds
@@ -599,8 +623,8 @@ class AdaptiveSearch:
 
     def _close_search(self) -> None:
         """Accept the bound that the tree proves now."""
-        assert self.search is not None
-        certificate = self.search.certificate()
+        assert self.tree is not None
+        certificate = self.tree.certificate()
         if lower_bound(certificate) > self.bound:
             simpler = self.outcome.simpler or self.outcome.certificate
             self.outcome = replace(self.outcome, certificate=certificate, simpler=simpler)

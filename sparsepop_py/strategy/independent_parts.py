@@ -24,7 +24,7 @@ from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.bounding.subproblem import Restatement, Subproblem
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch
-from sparsepop_py.strategy.order_loop import SearchState
+from sparsepop_py.strategy.search_state import SearchState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import BoxProof
 from sparsepop_py.verified.points.feasible_point import ProvedPoint

@@ -33,8 +33,8 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
+from sparsepop_py.strategy.search_state import SearchState, state_of
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_box import tighten_for_all
 from sparsepop_py.strategy.shared_state import SharedState
@@ -68,12 +68,28 @@ class MultiObjectiveSearch:
     deadline : Deadline
     repair : callable, optional
         Improves candidate vectors before local searches.
+    searches : list of AdaptiveSearch
+        One for each objective.
+    working_sets : list of WorkingSetSearch
+        One for each objective where working sets serve; empty otherwise.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first turn.
+    quoted : dict
+        Certificates that tighten the shared box, by variable and side (1 or -1).
     known : dict
         What verification of certificates found, for those that quote them.
     numbers : sequence of int, optional
         Of the objectives, for progress; in their order from 0 when left out.
+    base : Model
+        The shared box before bounds of variables were quoted.
+    pairs : dict
+        For each objective p the number of -p, where that is one of them.
+    shared_state : SharedState
+        Structure of the problem, and what was learned on it.
+    obbt_done : bool
+        Whether linear programs have tightened the shared box.
+    repaired : callable or None
+        The repair, done once for each vector.
     """
 
     problem: Problem
@@ -115,30 +131,27 @@ class MultiObjectiveSearch:
                     self._run(index, turn)
                 if self._stuck:
                     break
-                turn = STRATEGY.turn
+                turn = STRATEGY.turn_steps
         except EARLY as cause:
             self.deadline.ended(cause)
-        states = [self._state(auto) for auto in self.searches]
+        states = [state_of(search) for search in self.searches]
         for state in states:
             state.context.report_last(lower_bound(state.outcome.certificate))
         return states
 
-    def _state(self, auto: AdaptiveSearch) -> SearchState:
-        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
-
     @property
     def _stuck(self) -> bool:
-        return all(auto.over or auto.exhausted for auto in self.searches)
+        return all(search.over or search.exhausted for search in self.searches)
 
     @property
     def closed(self) -> bool:
         """True if all gaps are closed."""
-        return all(auto.context.closed(auto.bound) for auto in self.searches)
+        return all(search.context.closed(search.bound) for search in self.searches)
 
     @property
     def over(self) -> bool:
         """True if all gaps are closed or time is over."""
-        return self.deadline.over or all(auto.over for auto in self.searches)
+        return self.deadline.over or all(search.over for search in self.searches)
 
     def _begin(self) -> None:
         """Prepare the shared state and one adaptive search for each objective."""
@@ -164,7 +177,7 @@ class MultiObjectiveSearch:
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
         if self.searches and suits(self.searches[0]):
             costs, long = CostModel(), takes_long(self.searches[0])
-            self.working_sets = [WorkingSetSearch(auto, costs, long) for auto in self.searches]
+            self.working_sets = [WorkingSetSearch(search, costs, long) for search in self.searches]
 
     def _first_points(self) -> None:
         """Run local searches from the first start that leads to a point."""
@@ -176,14 +189,14 @@ class MultiObjectiveSearch:
             return
         several = self.shared_state.products.has_star  # then a local search costs little
         chosen = self.searches if several else self.searches[:1]
-        contexts = [auto.context for auto in chosen]
+        contexts = [search.context for search in chosen]
         executor = self.options.executor
         if several and self._parallel and executor is not None:
             found = search_from_apart(executor, contexts, starts, self.points)
         else:
             found = search_from(contexts, starts, self.points, several)
-        for auto, (context, candidates) in zip(chosen, found, strict=True):
-            auto.context, auto.candidates = context, [*auto.candidates, *candidates]
+        for search, (context, candidates) in zip(chosen, found, strict=True):
+            search.context, search.candidates = context, [*search.candidates, *candidates]
             best = context.best
             if best is not None and all(best is not known for known in self.points):
                 self.points.append(best)
@@ -217,16 +230,16 @@ class MultiObjectiveSearch:
 
     def _share(self, index: int) -> None:
         """Let all objectives have what one has found and proved."""
-        auto, known = self.searches[index], len(self.points)
-        if auto.context.best is not None and auto.context.best not in self.points:
-            self.points.append(auto.context.best)
+        search, known = self.searches[index], len(self.points)
+        if search.context.best is not None and search.context.best not in self.points:
+            self.points.append(search.context.best)
         self._share_points(self.points[known:])
         self._quote(index)
         # a gap that one step has nearly closed may be closed by what others prove
-        nearly = auto.left <= STRATEGY.tight and len(auto.history) == 1
-        if not (auto.over or nearly):
+        nearly = search.gap_ratio <= STRATEGY.small_gap_ratio and len(search.history) == 1
+        if not (search.over or nearly):
             self._tighten()
-        auto.context.report(auto.bound)
+        search.context.report(search.bound)
 
     # ---- in other processes -------------------------------------------------------------------
 
@@ -244,7 +257,7 @@ class MultiObjectiveSearch:
         apart = TurnsApart(
             self.options.executor, self.shared_state, tuple(costs.values()), self.deadline
         )
-        problems = (auto.context.problem for auto in self.searches)
+        problems = (search.context.problem for search in self.searches)
         apart.references.keep(
             self.problem, *problems, self.options, self.repaired, *self.base.proof.steps
         )
@@ -253,13 +266,16 @@ class MultiObjectiveSearch:
         try:
             while not self.over and not apart.failure:
                 ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
-                ready.sort(key=lambda i: (taken[i], -self.searches[i].left if taken[i] else 0.0))
+                ready.sort(
+                    key=lambda i: (taken[i], -self.searches[i].gap_ratio if taken[i] else 0.0)
+                )
                 free = workers_of(self.options.executor) - len(apart.running)
                 # a first turn waits for a worker, so that none waits for what is verified here
                 ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])
                 for index in ready[: max(free, 0) + ahead]:
                     last[index] = self.model, self.searches[index].context.best
-                    apart.begin(index, self._turn(index, STRATEGY.turn if taken[index] else 1))
+                    steps = STRATEGY.turn_steps if taken[index] else 1
+                    apart.begin(index, self._turn(index, steps))
                     taken[index] += 1
                 if not apart.running:
                     break
@@ -273,15 +289,15 @@ class MultiObjectiveSearch:
 
     def _goes_on(self, index: int, apart: TurnsApart, last: dict[int, tuple[Any, ...]]) -> bool:
         """Check that an objective has something left to try, and no turn under way."""
-        auto = self.searches[index]
-        if auto.over or index in apart.objectives:
+        search = self.searches[index]
+        if search.over or index in apart.objectives:
             return False
-        return not auto.exhausted or last.get(index) != (self.model, auto.context.best)
+        return not search.exhausted or last.get(index) != (self.model, search.context.best)
 
     def _returned(self, index: int, turn: Turn, apart: TurnsApart) -> None:
         """Take the search of an objective back from another process."""
-        turn.auto.context = adopt_points(turn.auto.context, self.points)
-        self.searches[index] = turn.auto
+        turn.search.context = adopt_points(turn.search.context, self.points)
+        self.searches[index] = turn.search
         if turn.working_set is not None:
             self.working_sets[index] = turn.working_set
         self._share(index)
@@ -289,10 +305,10 @@ class MultiObjectiveSearch:
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""
-        for auto in self.searches:
-            auto.context = adopt_points(auto.context, points)
-        for index, auto in enumerate(self.searches):
-            auto.context = replace(auto.context, unit=self._unit(index))
+        for search in self.searches:
+            search.context = adopt_points(search.context, points)
+        for index, search in enumerate(self.searches):
+            search.context = replace(search.context, unit=self._unit(index))
 
     def _unit(self, index: int) -> float | None:
         """Compute the distance of the attained values of a pair, None unless gaps are widths."""
@@ -307,8 +323,8 @@ class MultiObjectiveSearch:
 
     def _quote(self, index: int) -> None:
         """Tighten the shared box by a proved bound of a single variable."""
-        auto, target = self.searches[index], coordinate_of(self.objectives[index])
-        certificate = auto.outcome.certificate
+        search, target = self.searches[index], coordinate_of(self.objectives[index])
+        certificate = search.outcome.certificate
         if "quote" in self.options.skip:
             return
         if target is None or certificate is None or not np.isfinite(certificate.bound):
@@ -319,8 +335,8 @@ class MultiObjectiveSearch:
         if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
             return
         with self.stages.stage("verify"):
-            certificate = certificate.settled(auto.context.problem, self.known)
-            auto.outcome = replace(auto.outcome, certificate=certificate)
+            certificate = certificate.settled(search.context.problem, self.known)
+            search.outcome = replace(search.outcome, certificate=certificate)
         if certificate is None:
             return
         with self.stages.stage("presolve"):
@@ -384,7 +400,8 @@ def width_between(upper: float, other: float, options: Options) -> float:
 
     +inf where one of them is missing; a single point counts as wide as rounding.
     """
-    rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
+    gap = STRATEGY.rounding_gap
+    rounding = gap * max(1.0, abs(other)) / max(options.gap, gap)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 

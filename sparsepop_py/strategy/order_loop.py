@@ -11,94 +11,67 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
 from sparsepop_py.bounding.gram_box import gram_box
 from sparsepop_py.bounding.relaxation_bound import (
-    BoxBound,
     CertifiedBound,
     Model,
     better,
     bound_order,
     build_relaxations,
-    certified_bound,
     closed_without_relaxation,
     lower_bound,
 )
-from sparsepop_py.bounding.settings import BOUNDING
-from sparsepop_py.bounding.unconstrained import good_enough, may_be_squares, unconstrained_bound
+from sparsepop_py.bounding.unconstrained import good_enough
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
-from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
-from sparsepop_py.local_search.solvers import local_search
+from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.presolve.size_limits import LEAN, affordable
-from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import HistoryEntry
-from sparsepop_py.solvers import least_seconds
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.linear_tree import (
     LinearTreeResult,
     bound_by_box,
     by_linear_tree,
 )
+from sparsepop_py.strategy.search_state import (
+    SearchState,
+    history_entry,
+    moment_candidates,
+    state_of,
+    unstarted_state,
+    with_larger_bound,
+)
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.strategy.without_box import (
+    add_bound_without_box,
+    add_exact_proof,
+    add_unconstrained_bound,
+    bound_by_exact_multipliers,
+    bound_by_gram_matrices,
+    falls_without_limit,
+    is_restricted,
+    is_untried_without_box,
+    seconds_without_box,
+)
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
-from sparsepop_py.verified.certificate.certificate import Node, prove
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
-from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["SearchState", "run_orders", "unstarted_state"]
-
-
-@dataclass(frozen=True, eq=False)
-class SearchState:
-    """State at the end of a search for one objective.
-
-    Parameters
-    ----------
-    context : SolveContext
-        With the incumbent.
-    outcome : CertifiedBound
-        The best proved bound.
-    candidates : list of (n,) float
-        Nearly feasible vectors seen.
-    history : tuple of HistoryEntry
-    notes : tuple of str
-        Sentences for the user.
-    known : dict
-        What verification of certificates found on the way.
-    """
-
-    context: SolveContext
-    outcome: CertifiedBound
-    candidates: list[NDArray[np.float64]]
-    history: tuple[HistoryEntry, ...]
-    notes: tuple[str, ...] = ()
-    known: dict[Any, Any] = field(default_factory=dict)
-
-
-def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
-    """Return the state of a search that ended before any relaxation was solved."""
-    box = Interval(context.problem.lower, context.problem.upper)
-    model = Model(BoxProof(), box)
-    replay = Replay(context.problem, None)
-    outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
-    return SearchState(context, outcome, candidates, ())
+__all__ = ["run_adaptive", "run_orders"]
 
 
 def run_orders(
@@ -125,20 +98,21 @@ def run_orders(
     """
     if finite(Interval(context.problem.lower, context.problem.upper)):
         state = _by_relaxations(context, candidates, shared, more_starts)
-        early = shared is not None or context.options.effort == "auto"
-        return state if early else _without_box(state)
+        tried = context.options.effort == "auto"  # by the adaptive search
+        return state if tried or shared is not None else add_bound_without_box(state)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
-        return _proved_otherwise(state)
-    exact = _by_exact_multipliers(context, candidates)
+        return add_exact_proof(state)
+    exact = bound_by_exact_multipliers(context, candidates)
     if exact is None:
         state = _by_relaxations(context, candidates, shared, more_starts)
-        early = context.options.effort == "auto" or not _restricted(context.problem)
-        return state if early else _without_box(state)
+        already_tried = context.options.effort == "auto" or not is_restricted(context.problem)
+        return state if already_tried else add_bound_without_box(state)
     proved = lower_bound(exact.outcome.certificate)
-    if exact.context.closed(proved) or exact.context.deadline.over or _falls(exact):
+    if exact.context.closed(proved) or exact.context.deadline.over or falls_without_limit(exact):
         return exact
-    return _added(_by_relaxations(exact.context, exact.candidates, shared, more_starts), exact)
+    state = _by_relaxations(exact.context, exact.candidates, shared, more_starts)
+    return with_larger_bound(state, exact)
 
 
 def _by_relaxations(
@@ -148,8 +122,8 @@ def _by_relaxations(
     more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     """Bound the objective on the whole space and by relaxations, as far as each applies."""
-    free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
-    if free:
+    free = not is_restricted(context.problem)
+    if free and shared is None and context.options.effort != "plain":
         return _after_unconstrained(
             context,
             candidates,
@@ -158,26 +132,8 @@ def _by_relaxations(
         )
     state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _on_gram_box(_with_unconstrained(state), more_starts)
+        return _on_gram_box(add_unconstrained_bound(state), more_starts)
     return state
-
-
-def _without_box(state: SearchState) -> SearchState:
-    """Bound the objective without a box, where a gap is left on one.
-
-    Such are rational multipliers of convex quadratic problems, and Gram matrices of objectives that
-    may be sums of squares. They know none of the sizes that wide bounds give to powers.
-    """
-    context, f = state.context, state.context.problem.objective
-    if context.deadline.over or context.closed(lower_bound(state.outcome.certificate)):
-        return state
-    if context.problem.degree <= 2:
-        return _added(state, _by_exact_multipliers(context, state.candidates))
-    if f.degree < 4 or not may_be_squares(f):
-        return state
-    options = replace(context.options, effort="presolve", order=None, switches=None)
-    found = _by_gram_matrices(replace(context, options=options), state.candidates, iter(()))
-    return _added(state, found)
 
 
 def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
@@ -204,72 +160,6 @@ def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> Sea
     return replace(later, outcome=outcome, history=state.history + later.history)
 
 
-def _proved_otherwise(state: SearchState) -> SearchState:
-    """Prove what a plain relaxation has by exact arguments, where its own proof loses much."""
-    if _keeps_its_value(state):
-        return state
-    state = _added(state, _by_exact_multipliers(state.context, state.candidates))
-    if _keeps_its_value(state) or state.context.deadline.over:
-        return state
-    options = replace(state.context.options, effort="presolve", switches=None)
-    context = replace(state.context, options=options)
-    return _added(state, _by_gram_matrices(context, state.candidates, iter(())))
-
-
-def _keeps_its_value(state: SearchState) -> bool:
-    """Check that the bound is the attained value, or nearly that of the relaxation."""
-    bound, value = lower_bound(state.outcome.certificate), state.outcome.value
-    near = value - bound <= BOUNDING.lost * (1.0 + abs(value))
-    return bool(near) or state.context.closed(bound)
-
-
-def _by_exact_multipliers(
-    context: SolveContext, candidates: list[NDArray[Any]]
-) -> SearchState | None:
-    """Bound a convex quadratic objective over a polyhedron by rational multipliers."""
-    start = time.process_time()
-    try:
-        found = exact_convex_bound(context)
-    except KeyboardInterrupt:
-        return unstarted_state(context, candidates)
-    if found is None:
-        return None
-    bound, starts = found
-    proved = lower_bound(bound.certificate)
-    if not context.closed(proved):
-        context, more = update_incumbent(context, starts, proved)
-        candidates = candidates + more
-    entry = _history_entry(context, bound, bound, time.process_time() - start)
-    return SearchState(context, bound, candidates, (replace(entry, name="exact multipliers"),))
-
-
-def _falls(state: SearchState) -> bool:
-    """Check whether the objective provably falls without limit, so that no order proves any."""
-    best, problem = state.context.best, state.context.problem
-    if best is None or lower_bound(state.outcome.certificate) > -np.inf:
-        return False
-    direction = falling_direction(problem)
-    return direction is not None and falling_ray(problem, best, direction) is not None
-
-
-def _added(state: SearchState, exact: SearchState | None) -> SearchState:
-    """Add a bound by exact multipliers where it is larger."""
-    if exact is None:
-        return state
-    best = exact.context.best if exact.context.upper < state.context.upper else state.context.best
-    state = replace(state, context=replace(state.context, best=best))
-    if lower_bound(exact.outcome.certificate) <= lower_bound(state.outcome.certificate):
-        return state
-    outcome = better(exact.outcome, state.outcome)  # with the output of the relaxation
-    return replace(state, outcome=outcome, history=state.history + exact.history)
-
-
-def _restricted(problem: Problem) -> bool:
-    """Check for constraints or bounds."""
-    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-    return bool(problem.constraints) or bool(bounded.any())
-
-
 def _after_unconstrained(
     context: SolveContext,
     candidates: list[NDArray[Any]],
@@ -277,7 +167,7 @@ def _after_unconstrained(
     go_on: Callable[[SolveContext, list[NDArray[Any]]], SearchState],
 ) -> SearchState:
     """Bound the objective on the whole space; continue where that is not enough."""
-    free = _by_gram_matrices(context, candidates, more_starts)
+    free = bound_by_gram_matrices(context, candidates, more_starts)
     if free is None:
         return go_on(context, candidates)
     if (
@@ -293,72 +183,6 @@ def _after_unconstrained(
     outcome = better(free.outcome, state.outcome)
     state = replace(state, outcome=outcome, history=free.history + state.history)
     return _on_gram_box(state, more_starts) if unproved else state
-
-
-def _with_unconstrained(state: SearchState) -> SearchState:
-    """Add a bound of the objective on the whole space where a relaxation proved nothing."""
-    free = _by_gram_matrices(state.context, state.candidates, iter(()))
-    if free is None:
-        return state
-    outcome = better(free.outcome, state.outcome)  # with the output of the relaxation
-    history, notes = state.history + free.history, state.notes + free.notes
-    return replace(free, outcome=outcome, history=history, notes=notes)
-
-
-def _by_gram_matrices(
-    context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
-) -> SearchState | None:
-    """Bound the objective by Gram matrices without a box, searching points between rounds."""
-    start, bound, starts_left = time.process_time(), None, list[NDArray[Any]]()
-
-    def search(expected: float, found: CertifiedBound | None) -> SolveContext:
-        nonlocal context, candidates
-        starts_left.extend(more_starts)
-        starts = starts_left if found is None else list(_candidates_from_moments(found))
-        context, more = update_incumbent(context, starts, expected)
-        candidates = candidates + more
-        return context
-
-    while True:
-        try:
-            found = unconstrained_bound(context, search)
-        except EARLY as cause:
-            context.deadline.ended(cause)
-            return unstarted_state(context, candidates)
-        if found is None:
-            return None
-        bound, old = better(bound, found), context.best
-        context = _searched_about_the_origin(context, bound)
-        for starts in (_candidates_from_moments(bound), more_starts):
-            if not context.closed(lower_bound(bound.certificate)):
-                context, more = update_incumbent(
-                    context, list(starts), lower_bound(bound.certificate)
-                )
-                candidates = candidates + more
-        if (
-            context.best is old
-            or context.closed(lower_bound(bound.certificate))
-            or context.deadline.over
-        ):
-            break
-    entry = _history_entry(context, bound, bound, time.process_time() - start)
-    return SearchState(context, bound, candidates, (entry,))
-
-
-def _searched_about_the_origin(context: SolveContext, bound: CertifiedBound) -> SolveContext:
-    """Search once more where the origin was moved: terms that cancel hide values otherwise."""
-    scaled = bound.model.scaled
-    if scaled is None or not scaled.scaling.translated or context.options.refine == "none":
-        return context
-    if context.closed(lower_bound(bound.certificate)):
-        return context
-    with context.stages.stage("refine"):
-        start = np.zeros(context.problem.dimension)
-        end = local_search(scaled.problem, start, None, context.deadline.end)
-        proved = prove_feasible(context.problem, scaled.scaling.point(end))
-    if proved is not None and proved.value < context.upper:
-        context = replace(context, best=proved)
-    return context
 
 
 def _run_orders(
@@ -393,7 +217,7 @@ def _run_orders(
                     context, Model(proof, box), candidates, shared_state, more_starts=more_starts
                 )
             )
-        if _restricted(context.problem):
+        if is_restricted(context.problem):
             orders = partial(_orders, shared=shared, more_starts=more_starts)
             return _after_unconstrained(context, candidates, iter(()), orders)
     return _orders(context, candidates, shared, more_starts)
@@ -407,48 +231,24 @@ def _of_linear_tree(found: LinearTreeResult) -> SearchState:
     )
 
 
-def run_adaptive(auto: AdaptiveSearch) -> SearchState:
+def run_adaptive(search: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
-        if _worth_without_box(auto.context.problem):
-            if auto.next_seconds <= max(STRATEGY.long_first, _seconds_without_box(auto)):
-                auto.run(STRATEGY.before_squares)
-            if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
-                auto.search_more_starts()
-            if not auto.over:
-                state = _without_box(_state_of(auto))
-                auto.outcome, auto.history = state.outcome, list(state.history)
-                auto.context = replace(auto.context, best=state.context.best)
-        auto.run()
+        if is_untried_without_box(search.context.problem):
+            if search.next_seconds <= max(STRATEGY.long_first_seconds, seconds_without_box(search)):
+                search.run(STRATEGY.steps_before_squares)
+            if (
+                search.context.problem.degree > 2
+            ):  # else a bound without a box costs less than points
+                search.search_more_starts()
+            if not search.over:
+                state = add_bound_without_box(state_of(search))
+                search.outcome, search.history = state.outcome, list(state.history)
+                search.context = replace(search.context, best=state.context.best)
+        search.run()
     except EARLY as cause:
-        auto.context.deadline.ended(cause)
-    return _state_of(auto)
-
-
-def _worth_without_box(problem: Problem) -> bool:
-    """Check that a bound without a box has not been tried yet.
-
-    Free objectives, and convex ones without a finite box, begin with it.
-    """
-    if finite(Interval(problem.lower, problem.upper)):
-        return True
-    return problem.degree > 2 and _restricted(problem)
-
-
-def _seconds_without_box(auto: AdaptiveSearch) -> float:
-    """Estimate the least seconds of an exact Gram matrix of all variables.
-
-    Its monomials are 1 and those whose squares occur. With several cliques blocks are small: 0.
-    """
-    if auto.shared_state.cliques["constraints"].sizes.size > 1:
-        return 0.0
-    words = np.sort(auto.context.problem.objective.words, axis=1)[:, ::-1]
-    paired = words[:, 0::2][:, : words.shape[1] // 2] == words[:, 1::2]
-    return least_seconds([1 + int((paired.all(axis=1) & words.any(axis=1)).sum())])
-
-
-def _state_of(auto: AdaptiveSearch) -> SearchState:
-    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
+        search.context.deadline.ended(cause)
+    return state_of(search)
 
 
 def _orders(
@@ -479,7 +279,7 @@ def _orders(
             break  # this order would be too large
         outcome = better(outcome, bound)
         context = replace(context, best=step.best)
-        history.append(_history_entry(context, outcome, bound, time.process_time() - start))
+        history.append(history_entry(context, outcome, bound, time.process_time() - start))
         if context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
             break
         if outcome.certificate is None and context.best is not None:
@@ -488,13 +288,13 @@ def _orders(
         shared = None
     assert outcome is not None
     if own and context.options.effort != "auto":
-        outcome, entries = _by_third_form(context, outcome)
+        outcome, entries = _by_sparsepop_form(context, outcome)
         history += entries
         outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
 
 
-def _by_third_form(
+def _by_sparsepop_form(
     context: SolveContext, outcome: CertifiedBound
 ) -> tuple[CertifiedBound, list[HistoryEntry]]:
     """Solve the form of Waki et al. where only the lean one was small enough.
@@ -513,16 +313,16 @@ def _by_third_form(
     options = replace(_timed(context), effort="plain", switches=Switches(order=order))
     with context.stages.stage("relax"):
         bare = Model(model.proof, model.box)
-        third = build_relaxations(problem, (problem.objective,), bare, options)
-    if not all(affordable(each, options.memory_limit) for each in third.relaxations):
+        sparsepop_form = build_relaxations(problem, (problem.objective,), bare, options)
+    if not all(affordable(each, options.memory_limit) for each in sparsepop_form.relaxations):
         return outcome, []
     try:
-        bound = bound_order(replace(context, options=options), third)
+        bound = bound_order(replace(context, options=options), sparsepop_form)
     except EARLY as cause:
         context.deadline.ended(cause)
         return outcome, []
     outcome = better(outcome, bound)
-    return outcome, [_history_entry(context, outcome, bound, time.process_time() - start)]
+    return outcome, [history_entry(context, outcome, bound, time.process_time() - start)]
 
 
 def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
@@ -580,22 +380,6 @@ def _order_numbers(context: SolveContext) -> Iterator[int | None]:
     yield from range(first, first + STRATEGY.more_orders + 1)
 
 
-def _history_entry(
-    context: SolveContext, outcome: CertifiedBound, bound: CertifiedBound, seconds: float
-) -> HistoryEntry:
-    relaxation = bound.relaxation
-    order = relaxation.order if relaxation is not None else 0
-    return HistoryEntry(
-        name=f"order {order}" if order else "box",
-        order=order,
-        lower_bound=lower_bound(outcome.certificate),
-        upper_bound=context.upper,
-        seconds=seconds,
-        largest_block=max(relaxation.block_sizes, default=0) if relaxation is not None else 0,
-        moments=relaxation.moments.shape[0] if relaxation is not None else 0,
-    )
-
-
 def _rounds(
     context: SolveContext,
     candidates: list[NDArray[Any]],
@@ -620,7 +404,7 @@ def _rounds(
         context.report(proved)
         if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
             break  # reading further minimisers out of the moments would take the longest
-        context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
+        context, more = update_incumbent(context, moment_candidates(bound), proved)
         candidates = candidates + more
         if not context.closed(proved) and not context.deadline.over:
             context, more = update_incumbent(context, list(more_starts), proved)
@@ -631,12 +415,6 @@ def _rounds(
             break
     assert outcome is not None
     return context, outcome, candidates
-
-
-def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]:
-    if bound.relaxation is None or bound.model.scaled is None:
-        return []
-    return candidates_from_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
 def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: CertifiedBound) -> bool:

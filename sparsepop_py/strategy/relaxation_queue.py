@@ -14,7 +14,7 @@ import numpy as np
 
 from sparsepop_py.budget import TOO_LONG
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import BOUND_TIGHTENING, STRATEGY, TREE
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.box.scaling import Scaled
 
@@ -50,12 +50,12 @@ class RelaxationQueue:
     def __post_init__(self) -> None:
         self.specs = list(self.shared_state.specs)
 
-    def best(self, left: float | None) -> tuple[RelaxationSpec | None, float]:
+    def best(self, seconds_left: float | None) -> tuple[RelaxationSpec | None, float]:
         """Select the relaxation with the largest expected gain per second.
 
         Parameters
         ----------
-        left : float or None
+        seconds_left : float or None
             CPU seconds that are expected to be left; relaxations expected to take over twice as
             long are left out. Linear programs prove something when they are stopped, and may take
             far longer.
@@ -70,7 +70,7 @@ class RelaxationQueue:
         best, most = None, 0.0
         for spec in map(self._prepared, self.specs):
             seconds = self.seconds(spec)
-            if not np.isfinite(seconds) or self._too_long(spec, seconds, left):
+            if not np.isfinite(seconds) or self._too_long(spec, seconds, seconds_left):
                 continue
             rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
             if spec.name in self.expected:
@@ -79,7 +79,9 @@ class RelaxationQueue:
                 best, most = spec, rate
         return best, most
 
-    def next_order(self, best: RelaxationSpec | None, left: float | None) -> RelaxationSpec | None:
+    def next_order(
+        self, best: RelaxationSpec | None, seconds_left: float | None
+    ) -> RelaxationSpec | None:
         """Select the next relaxation order where it should come before all else.
 
         What an order proves is hardly known before, and a cheap one that closes the gap saves what
@@ -91,7 +93,7 @@ class RelaxationQueue:
         ----------
         best : RelaxationSpec or None
             The relaxation with the largest expected gain per second.
-        left : float or None
+        seconds_left : float or None
             CPU seconds that are expected to be left.
 
         Returns
@@ -103,24 +105,24 @@ class RelaxationQueue:
         if self.share == 0.0 or spec is None:
             return None
         seconds = self.seconds(spec)
-        most = STRATEGY.cheap
-        if best is not None and left is not None:
-            sure = STRATEGY.sure * left
+        most = STRATEGY.cheap_seconds
+        if best is not None and seconds_left is not None:
+            sure = STRATEGY.sure_time_share * seconds_left
             most = max(most, sure) if self.seconds(best) > sure else most
-        return None if seconds > most or self._too_long(spec, seconds, left) else spec
+        return None if seconds > most or self._too_long(spec, seconds, seconds_left) else spec
 
-    def _too_long(self, spec: RelaxationSpec, seconds: float, left: float | None) -> bool:
-        if left is None:
+    def _too_long(self, spec: RelaxationSpec, seconds: float, seconds_left: float | None) -> bool:
+        if seconds_left is None:
             return False
         if spec.shape == "linear" and spec.name not in self.shared_state.cost_model.seconds:
-            return self._program > STRATEGY.stopped_program * left
-        return seconds > STRATEGY.over_time * left
+            return self._program > STRATEGY.program_overtime * seconds_left
+        return seconds > STRATEGY.most_overtime * seconds_left
 
-    def put_off(self, spec: RelaxationSpec, seconds: float) -> None:
-        """Correct the expected seconds of a relaxation that was built and not solved."""
+    def set_expected_seconds(self, spec: RelaxationSpec, seconds: float) -> None:
+        """Set the expected seconds of a relaxation that was built and not solved."""
         self.shared_state.estimates[spec.name] = seconds
 
-    def left_out(self, left: float | None) -> tuple[str, bool]:
+    def left_out(self, seconds_left: float | None) -> tuple[str, bool]:
         """Describe the relaxations that time or memory do not allow.
 
         Returns
@@ -135,19 +137,19 @@ class RelaxationQueue:
             seconds = self.seconds(spec)
             if not np.isfinite(seconds):
                 large.append(spec.name)
-            elif self._too_long(spec, seconds, left):
+            elif self._too_long(spec, seconds, seconds_left):
                 slow.append(f"{spec.name} (about {seconds:.2g} s)")
         parts = [f"{TOO_LONG}: {', '.join(slow)}"] if slow else []
         parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []
         return f"relaxations not tried: {'; '.join(parts)}" if parts else "", bool(slow)
 
-    def state(self, spec: RelaxationSpec) -> None:
+    def remove_up_to(self, spec: RelaxationSpec) -> None:
         """Remove a relaxation and all weaker ones; it may return on a tightened box."""
-        again = [spec.tightened] if self._may_tighten(spec) else []
-        self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
+        tightened = [spec.tightened] if self._may_tighten(spec) else []
+        self.specs = [*tightened, *(r for r in self.specs if r.share > spec.share)]
         self.share = spec.share
 
-    def again(self, specs: Iterable[RelaxationSpec], worth: float = np.inf) -> None:
+    def requeue(self, specs: Iterable[RelaxationSpec], worth: float = np.inf) -> None:
         """Put relaxations back that may prove more on a smaller box.
 
         Parameters
@@ -156,9 +158,9 @@ class RelaxationQueue:
         worth : float
             Their worth is expected to be this at most, see :meth:`CostModel.learn`.
         """
-        back = list(specs)
-        self.specs = [*back, *self.specs]
-        self.expected |= {spec.name: worth for spec in back}
+        returned = list(specs)
+        self.specs = [*returned, *self.specs]
+        self.expected |= {spec.name: worth for spec in returned}
         self.share = 0.0
 
     def seconds(self, spec: RelaxationSpec) -> float:
@@ -178,20 +180,19 @@ class RelaxationQueue:
     @property
     def shortest(self) -> float:
         """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
-        return min(
-            (self.seconds(r) for r in self.specs if r.share > STRATEGY.weak_share), default=np.inf
-        )
+        strong = (spec for spec in self.specs if spec.share > STRATEGY.weak_progress)
+        return min(map(self.seconds, strong), default=np.inf)
 
     @property
     def obbt_too_slow(self) -> bool:
         """True if tightening by linear programs costs more than the next relaxation."""
-        return self._tightening > STRATEGY.obbt_too_slow * self.shortest
+        return self._tightening > BOUND_TIGHTENING.too_slow * self.shortest
 
     @property
     def _tightening(self) -> float:
         """Expected seconds of a few rounds of OBBT by linear programs."""
         seen = self.shared_state.cost_model.seconds
-        programs = 2.0 * min(len(self.shared_state.variables), STRATEGY.most_tightened)
+        programs = 2.0 * min(len(self.shared_state.variables), BOUND_TIGHTENING.most_variables)
         return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
 
     @property
@@ -235,7 +236,7 @@ def relaxation_for_nodes(
     -------
     RelaxationSpec or None
     """
-    best, most = None, STRATEGY.branching_gain / max(program, _SHORTEST)
+    best, most = None, TREE.node_gain / max(program, _SHORTEST)
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base

@@ -24,7 +24,7 @@ from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import BOUND_TIGHTENING
 from sparsepop_py.strategy.shared_state import branching
 from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -70,7 +70,7 @@ def tighten_for_all(
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
     variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= STRATEGY.most_shared_variables:
+    if not products.pairs.size or not 0 < len(variables) <= BOUND_TIGHTENING.most_shared_variables:
         return model, None
     return _obbt_rounds(problem, model, variables, options, products, deadline)
 
@@ -93,12 +93,13 @@ def _obbt_rounds(
     cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
     held = np.array(products.complicating, np.int64)
     active: NDArray[np.bool_] | None = None
-    if products.has_star and problem.rows.size > STRATEGY.window:
+    first = BOUND_TIGHTENING.first_constraints
+    if products.has_star and problem.rows.size > first:
         active = np.zeros(problem.rows.size, bool)
-        active[np.linspace(0, problem.rows.size - 1, STRATEGY.window).astype(int)] = True
+        active[np.linspace(0, problem.rows.size - 1, first).astype(int)] = True
     steps, box = list(model.proof.steps), model.box
     for _ in range(
-        STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
+        BOUND_TIGHTENING.shared_rounds if active is None else 2 * BOUND_TIGHTENING.shared_rounds
     ):
         work = _Round(problem, box, cliques, active, held)
         smaller, made, wanted = work.tighten_all(replay, variables, options.executor, deadline)
@@ -109,7 +110,7 @@ def _obbt_rounds(
             steps += made
             chosen = list(variables)
             old, new = box.width()[chosen], smaller.width()[chosen]
-            gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
+            gained, box = bool(np.any(new < BOUND_TIGHTENING.repeat_below * old)), smaller
         if active is not None:
             gained |= not np.all(active[wanted])
             active[wanted] = True

@@ -83,7 +83,7 @@ class SharedState:
         inside = all(coordinate_of(p) is not None for p in objectives)  # the box holds the cutoffs
         stars = (r for r in specs if r.shape == "star")
         star = next(stars, None) if inside and may else None
-        short = star is None or len(problem.constraints) <= STRATEGY.long_problem
+        short = star is None or len(problem.constraints) <= STRATEGY.long_problem_constraints
         obbt_lp = "obbt_lp" not in options.skip and short
         return SharedState(products, cliques, variables, specs, obbt_sdp=star, obbt_lp=obbt_lp)
 

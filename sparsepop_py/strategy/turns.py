@@ -42,7 +42,7 @@ class Turn:
 
     Parameters
     ----------
-    auto : AdaptiveSearch
+    search : AdaptiveSearch
     working_set : WorkingSetSearch or None
         The search on a working set of constraints, where these serve.
     model : Model
@@ -51,7 +51,7 @@ class Turn:
         Steps at most.
     """
 
-    auto: AdaptiveSearch
+    search: AdaptiveSearch
     working_set: WorkingSetSearch | None
     model: Model
     most: int
@@ -62,15 +62,15 @@ class Turn:
         On working sets a turn goes on where little is left: constraints that a point contradicts
         have joined, and the next relaxation may close the gap.
         """
-        auto = self.auto
-        auto.restart(self.model)
+        search = self.search
+        search.restart(self.model)
         for _ in range(self.most):
-            gap = auto.context.upper - auto.bound
+            gap = search.context.upper - search.bound
             if self.working_set is None or not self.working_set.step():
-                auto.run(1)
-            gained = auto.context.upper - auto.bound < STRATEGY.worth_turn * gap
-            near = self.working_set is not None and auto.left < STRATEGY.tight
-            if auto.over or not (gained or near):
+                search.run(1)
+            gained = search.context.upper - search.bound < STRATEGY.little_gain_share * gap
+            near = self.working_set is not None and search.gap_ratio < STRATEGY.small_gap_ratio
+            if search.over or not (gained or near):
                 break
 
 
@@ -140,20 +140,22 @@ class TurnsApart:
 
     def begin(self, number: int, turn: Turn) -> None:
         """Hand a turn of an objective to a worker."""
-        auto = turn.auto
-        whole = auto.outcome
-        auto.outcome, auto.last = _without_output(whole), None
+        search = turn.search
+        whole = search.outcome
+        search.outcome, search.last = _without_output(whole), None
         try:
-            if auto.context.best is not None:  # unless a better one is found, it returns as itself
-                self.references.keep(auto.context.best)
+            if (
+                search.context.best is not None
+            ):  # unless a better one is found, it returns as itself
+                self.references.keep(search.context.best)
             packet = self.references.packed(
-                (turn, auto.context.stages.searched), self._live(auto.context.stages)
+                (turn, search.context.stages.searched), self._live(search.context.stages)
             )
             self.running[self.executor.submit(run_timed, _in_worker, packet)] = number, turn
         except Exception as error:
             self._fail(error)
         finally:
-            auto.outcome = whole
+            search.outcome = whole
 
     def finished(self) -> list[tuple[int, Turn]]:
         """Wait for turns to end; list them with the numbers of their objectives.
@@ -190,7 +192,7 @@ class TurnsApart:
 
     def _returned(self, old: Turn, answer: bytes) -> Turn:
         """Unpack a turn and take over its news."""
-        stages = old.auto.context.stages
+        stages = old.search.context.stages
         turn, news = self.references.unpacked(answer, self._live(stages))
         for costs, learned, pace in zip(self.costs, news.learned, news.paces, strict=True):
             for record in learned:
@@ -200,10 +202,10 @@ class TurnsApart:
         stages.include(news.seconds, news.notes, news.searched)
         self.deadline.cut |= news.cut
         found: Turn = turn
-        if found.auto.outcome.relaxation is None:  # nothing was solved
-            before = old.auto.outcome
-            found.auto.outcome = replace(
-                found.auto.outcome, relaxation=before.relaxation, solution=before.solution
+        if found.search.outcome.relaxation is None:  # nothing was solved
+            before = old.search.outcome
+            found.search.outcome = replace(
+                found.search.outcome, relaxation=before.relaxation, solution=before.solution
             )
         return found
 
@@ -229,7 +231,7 @@ def _in_worker(packet: Packet) -> bytes:
             turn.take()
     except EARLY:  # what is proved so far is kept
         pass
-    turn.auto.last = None
+    turn.search.last = None
     news = _News(
         tuple(each.learned or [] for each in costs),
         tuple(each.pace for each in costs),

@@ -36,7 +36,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import CostModel, Families, RelaxationSpec, progress
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.settings import STRATEGY, WORKING_SET
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -57,12 +57,13 @@ def suits(search: AdaptiveSearch) -> bool:
     problem, state = search.context.problem, search.shared_state
     if "working_set" in search.context.options.skip or not state.products.has_star:
         return False
-    if len(problem.constraints) < STRATEGY.working_set or problem.squares:
+    if len(problem.constraints) < WORKING_SET.least_constraints or problem.squares:
         return False
     if any(c.entries for c in problem.constraints):
         return False
-    costly = _star_seconds(search) >= STRATEGY.costly_row * len(problem.constraints)
-    return takes_long(search) or (costly and _star_seconds(search) >= STRATEGY.medium_star)
+    costly = WORKING_SET.costly_constraint_seconds * len(problem.constraints)
+    least = max(costly, WORKING_SET.medium_star_seconds)
+    return takes_long(search) or _star_seconds(search) >= least
 
 
 def takes_long(search: AdaptiveSearch) -> bool:
@@ -70,7 +71,7 @@ def takes_long(search: AdaptiveSearch) -> bool:
 
     To be asked before relaxations are solved: measured seconds replace expected ones.
     """
-    return _star_seconds(search) >= STRATEGY.long_star
+    return _star_seconds(search) >= WORKING_SET.long_star_seconds
 
 
 def _star_seconds(search: AdaptiveSearch) -> float:
@@ -95,10 +96,18 @@ class WorkingSetSearch:
         Whether the whole search has to go on.
     spent : float
         Seconds of all steps so far.
-    judged : int
+    judged_nodes : int
         Nodes of the tree on the set when its gain was judged last; 0 before.
-    left : float
-        The gap that it left by then, in gaps that count as closed.
+    judged_gap_ratio : float
+        The gap by then, in gaps that count as closed.
+    rows : (r,) int or None
+        Numbers of the constraints in the set.
+    small : Subproblem or None
+        The problem of these constraints alone.
+    search : AdaptiveSearch or None
+        The search on it.
+    base : Model or None
+        The shared box from which that search began.
     before : (Subproblem, tuple of Step) or None
         A smaller set, and the steps that tightened the box there: the next search begins with them.
     given : Tightening or None
@@ -110,8 +119,8 @@ class WorkingSetSearch:
     long: bool = True
     done: bool = False
     spent: float = 0.0
-    judged: int = 0
-    left: float = np.inf
+    judged_nodes: int = 0
+    judged_gap_ratio: float = np.inf
     rows: NDArray[np.int64] | None = None
     small: Subproblem | None = None
     search: AdaptiveSearch | None = None
@@ -137,13 +146,13 @@ class WorkingSetSearch:
             self._hand_over()
             return False
         assert self.search is not None
-        left = self.search.left
+        before = self.search.gap_ratio
         self.search.run(1)
         self._take()
         if not self.spent:
-            share, seconds = progress(left, self.search.left, 1.0), deadline.now() - start
+            share, seconds = progress(before, self.search.gap_ratio, 1.0), deadline.now() - start
             self.costs.learn(_FIRST, share, seconds, goes_on=True)
-        slow = self._slow(left)
+        slow = self._slow(before)
         if not self.whole.over:
             self._grow(slow)
         self.spent += deadline.now() - start
@@ -158,7 +167,7 @@ class WorkingSetSearch:
             return False
         queue = self.whole.queue
         stars = (queue.seconds(spec) for spec in queue.specs if spec.shape == "star")
-        return self.spent > STRATEGY.whole_star * next(stars, np.inf)
+        return self.spent > WORKING_SET.star_seconds_before_whole * next(stars, np.inf)
 
     def _hand_over(self) -> None:
         """Give the box that the tree has tightened to the whole search, once."""
@@ -207,7 +216,7 @@ class WorkingSetSearch:
             with context.stages.stage("refine"):
                 on_box = _on_box(context.problem, self.whole.model.box)
                 price = row_prices(on_box, context.best.x, self._held, end=context.deadline.end)
-            if not self._set(self._near(_largest(price, STRATEGY.binding))):
+            if not self._set(self._near(_largest(price, WORKING_SET.binding_price))):
                 return False
             self._complete(context.best.x)
             if self.done:
@@ -225,39 +234,39 @@ class WorkingSetSearch:
     @property
     def _in_vain(self) -> bool:
         """Check that other sets gained little, where the star of all is short."""
-        return not self.long and self.costs.progress.get(_FIRST, 1.0) < STRATEGY.worth_set
+        return not self.long and self.costs.progress.get(_FIRST, 1.0) < WORKING_SET.least_progress
 
     def _set(self, rows: NDArray[np.int64]) -> bool:
         """Check that a working set is neither empty nor large, and take it."""
         total = len(self.whole.context.problem.constraints)
-        most = STRATEGY.most_working if self.long else STRATEGY.most_of_few
+        most = WORKING_SET.largest_share if self.long else WORKING_SET.largest_share_short
         if not 0 < rows.size <= most * total:
             return False
         if self.search is not None and self.small is not None:
             self.before = self.small, self.search.steps_below
         self.rows, self.search = rows, None
-        self.judged = 0
+        self.judged_nodes = 0
         self.small = Subproblem.of(self.whole.context.problem, rows, self._held)
         return True
 
     @property
     def _nodes(self) -> int:
         """Nodes of the tree on this set, 0 before the first."""
-        tree = None if self.search is None else self.search.search
+        tree = None if self.search is None else self.search.tree
         return 0 if tree is None else tree.seen
 
-    def _slow(self, left: float) -> bool:
-        """Check whether a tree gained little; ``left`` is the gap before the step.
+    def _slow(self, gap_ratio: float) -> bool:
+        """Check whether a tree gained little; ``gap_ratio`` is that before the step.
 
         The bound of a node moves with the second of its children: two nodes are judged at a time.
         """
         assert self.search is not None
-        new = self._nodes - self.judged
-        if new < 1 or (new == 1 and self.judged):
+        new = self._nodes - self.judged_nodes
+        if new < 1 or (new == 1 and self.judged_nodes):
             return False
-        before = self.left if self.judged else left
-        self.left, self.judged = self.search.left, self._nodes
-        return self.left > STRATEGY.worth_turn * before
+        before = self.judged_gap_ratio if self.judged_nodes else gap_ratio
+        self.judged_gap_ratio, self.judged_nodes = self.search.gap_ratio, self._nodes
+        return self.judged_gap_ratio > STRATEGY.little_gain_share * before
 
     def _grow(self, slow: bool) -> None:
         """Add constraints that the last point, or the minimiser near it, contradicts.
@@ -271,7 +280,7 @@ class WorkingSetSearch:
         best = self.whole.context.best
         if point is not None and best is not None:
             x = self.small.point(point, best.x)
-            if self.search.left < STRATEGY.tight and (slow or not self._nodes):
+            if self.search.gap_ratio < STRATEGY.small_gap_ratio and (slow or not self._nodes):
                 self._joined(x)
             self._complete(x)
         if slow and self.search is not None and not self.whole.over:
@@ -281,13 +290,13 @@ class WorkingSetSearch:
         """Add neighbours to the set, and theirs, until it is half as large again."""
         assert self.rows is not None
         rows, size = self._near(self._near(self.rows)), 0
-        while size < rows.size < STRATEGY.wider * self.rows.size:
+        while size < rows.size < WORKING_SET.growth * self.rows.size:
             rows, size = self._near(rows), rows.size
         return rows
 
     def _complete(self, x: NDArray[np.float64]) -> None:
         """Add constraints until local searches on the set find nothing below the target."""
-        for _ in range(STRATEGY.working_rounds):
+        for _ in range(WORKING_SET.most_searches):
             if self.small is None or self.done or self.whole.over:
                 return
             least = self._minimiser(self.small, x)
@@ -316,7 +325,7 @@ class WorkingSetSearch:
             self.whole.context, _ = update_incumbent(context, [x], self.whole.bound)
             return False
         price[self.rows] = 0.0
-        missing = _largest(price, STRATEGY.missing)
+        missing = _largest(price, WORKING_SET.joining_price)
         return bool(missing.size) and self._set(np.union1d(self.rows, self._near(missing)))
 
     # ---- the search on it ---------------------------------------------------------------------
@@ -351,7 +360,7 @@ class WorkingSetSearch:
         own: SolveContext = replace(
             context, problem=problem, options=options, best=self._incumbent(), repair=None
         )
-        longest = STRATEGY.working_slice
+        longest = WORKING_SET.longest_slice
         self.search = AdaptiveSearch(own, self._model(), [], state, longest_slice=longest)
         if self.before is not None:
             fewer, steps = self.before

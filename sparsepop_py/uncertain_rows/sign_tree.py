@@ -33,8 +33,8 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import (
 __all__ = ["left_inverse", "parameter_box"]
 
 Reals = NDArray[np.float64]
-_LEAVES = 1024  # most nodes of a sign tree
-_ROUNDS = 4
+_MOST_LEAVES = 1024  # leaves of a sign tree at most
+_MOST_ROUNDS = 4  # sign trees one after the other at most
 
 
 def _left_inverse(rows: UncertainRows) -> LeftInverse | None:
@@ -106,11 +106,11 @@ def parameter_box(
         if found is not None:
             steps.append(found)
             box = intersect(box, found.box())
-    for _ in range(_ROUNDS):
+    for _ in range(_MOST_ROUNDS):
         if np.any(box[0] > box[1]):
             break
         before, whole = box, len(steps) < 2 and bool(np.all(np.isfinite(box)))
-        tree, box = _process_node(rows, box, [0 if whole else _LEAVES], until)
+        tree, box = _process_node(rows, box, [0 if whole else _MOST_LEAVES], until)
         steps.append(tree)
         if not whole and not gained(before, box):
             break

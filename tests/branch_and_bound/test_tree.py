@@ -23,7 +23,7 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec, relaxation_specs
 from sparsepop_py.strategy import adaptive
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.settings import StrategySettings
+from sparsepop_py.strategy.settings import TreeSettings
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
@@ -247,14 +247,14 @@ def test_nodes_of_a_dropped_tree_stay_counted(only_branch):
     context = SolveContext(problem, Options(effort="auto", node_limit=3), Stages(), Deadline(None))
     shared_state = SharedState.of(problem, (problem.objective,), context.options)
     box = Interval(problem.lower, problem.upper)
-    auto = AdaptiveSearch(context, Model(BoxProof(), box), [], shared_state)
-    auto.run()
-    assert [entry.nodes for entry in auto.history] == [0, 3]
-    auto.context = replace(auto.context, unit=1e-3)  # a smaller gap: its cutoff is a higher one
-    auto.queue.specs = list(shared_state.specs)
-    auto.run(1)
-    assert [entry.name for entry in auto.history] == ["linear", "branch", "linear"]
-    assert auto.history[-1].nodes == 3
+    search = AdaptiveSearch(context, Model(BoxProof(), box), [], shared_state)
+    search.run()
+    assert [entry.nodes for entry in search.history] == [0, 3]
+    search.context = replace(search.context, unit=1e-3)  # a smaller gap: its cutoff is a higher one
+    search.queue.specs = list(shared_state.specs)
+    search.run(1)
+    assert [entry.name for entry in search.history] == ["linear", "branch", "linear"]
+    assert search.history[-1].nodes == 3
 
 
 @pytest.mark.parametrize("share", [0.1, 0.0])
@@ -262,7 +262,7 @@ def test_a_tree_that_proved_little_is_left_for_a_relaxation_of_the_root(
     only_branch, share, monkeypatch
 ):
     """Linear programs bound a convex form poorly, order 1 does not: its minimum is 0."""
-    monkeypatch.setattr(adaptive, "STRATEGY", StrategySettings(weak_tree=share))
+    monkeypatch.setattr(adaptive, "TREE", TreeSettings(weak_gap_share=share))
     x = sp.variables(5)
     pairs = [(x[i] - 0.9 * x[j]) ** 2 for i in range(5) for j in range(i)]
     problem = Problem(sp.total(pairs), lower=-1, upper=1)
@@ -270,17 +270,17 @@ def test_a_tree_that_proved_little_is_left_for_a_relaxation_of_the_root(
     point = prove_feasible(problem, np.full(5, 1e-2))
     context = replace(context, best=point)
     shared_state = SharedState.of(problem, (problem.objective,), context.options)
-    auto = AdaptiveSearch(
+    search = AdaptiveSearch(
         context, Model(BoxProof(), Interval(-np.ones(5), np.ones(5))), [], shared_state
     )
-    auto.run()
-    assert auto.search is not None and auto.bound < -1.0
-    auto.queue.specs = [RelaxationSpec("order 1", 0.5, "full", 1)]
-    auto.run(1)
-    assert auto.bound > -1e-3
-    assert (auto.search is None) == (share > 0.0)
-    assert auto.at_nodes is None or auto.at_nodes.name == "order 1"
-    assert auto.history[-1].nodes == 3
+    search.run()
+    assert search.tree is not None and search.bound < -1.0
+    search.queue.specs = [RelaxationSpec("order 1", 0.5, "full", 1)]
+    search.run(1)
+    assert search.bound > -1e-3
+    assert (search.tree is None) == (share > 0.0)
+    assert search.at_nodes is None or search.at_nodes.name == "order 1"
+    assert search.history[-1].nodes == 3
 
 
 def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only_branch):
@@ -290,16 +290,16 @@ def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only
     shared_state = SharedState.of(problem, (problem.objective,), context.options)
     given = Interval(problem.lower, problem.upper)
     wide = Model(BoxProof(), given)
-    auto = AdaptiveSearch(
+    search = AdaptiveSearch(
         context, Model(BoxProof(), Interval(given.lo, np.full(4, 0.25))), [], shared_state
     )
-    auto.run(1)
-    assert auto.best.proved.bound > -INF
-    auto.restart(wide)
-    node = auto.best.node
-    again = prove(auto.context.at_cutoff(), auto.model.box, node.argument, node.empty)
-    assert auto.best.proved.bound <= again.bound
-    auto.outcome = replace(auto.outcome, certificate=None)  # the smaller box has no proof here
-    auto.queue.specs = []
-    auto.run(1)
-    assert auto.outcome.certificate.verify(problem).ok
+    search.run(1)
+    assert search.best.proved.bound > -INF
+    search.restart(wide)
+    node = search.best.node
+    again = prove(search.context.at_cutoff(), search.model.box, node.argument, node.empty)
+    assert search.best.proved.bound <= again.bound
+    search.outcome = replace(search.outcome, certificate=None)  # the smaller box has no proof here
+    search.queue.specs = []
+    search.run(1)
+    assert search.outcome.certificate.verify(problem).ok

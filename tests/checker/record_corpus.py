@@ -121,7 +121,7 @@ def identified(case: Case, seconds: float) -> Any:
     """What setid proves of a case; simulated ones and those of cones are treated as if long."""
     short = case[0].startswith(("simulated", "cones"))
     few = mock.patch("setid.bounding.long_records._MANY", 5 if short else 200)
-    wide = mock.patch("setid.bounding.simulations._WIDE", 0.0)  # cones, whatever the box
+    wide = mock.patch("setid.bounding.simulations._WIDE_BOX", 0.0)  # cones, whatever the box
     none = mock.patch("setid.bounding.simulations.denominator_box", return_value=None)
     simulated_only = none if case[0].startswith("simulated") else nullcontext()
     with warnings.catch_warnings(), few, wide, simulated_only:

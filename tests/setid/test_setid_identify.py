@@ -392,8 +392,8 @@ LONG = setid.simulate_record(
 
 _STAGES = {
     "find_box": methods,
-    "cascade_ends": simulations,
-    "tightened_cascade": simulations,
+    "simulated_ends": simulations,
+    "box_near_ends": simulations,
     "proved_point": simulations,
     "linear_bounds": sp,
     "linear_ends": linear,
@@ -405,8 +405,8 @@ _STAGES = {
     ("stage", "noise"),
     [
         ("find_box", setid.Noise(output=0.05)),
-        ("cascade_ends", setid.Noise(output=0.05)),
-        ("tightened_cascade", setid.Noise(output=0.05)),
+        ("simulated_ends", setid.Noise(output=0.05)),
+        ("box_near_ends", setid.Noise(output=0.05)),
         ("proved_point", setid.Noise(output=0.05)),
         ("linear_bounds", setid.Noise(equation=0.2)),
         ("first_point", setid.Noise(output=0.05, input=0.01)),
@@ -420,7 +420,7 @@ def test_an_interrupt_at_any_stage_returns_a_result(
 
     monkeypatch.setattr(_STAGES[stage], stage, interrupt)
     if stage == "find_box":
-        for later in ("cascade_ends", "linear_ends", "first_point"):  # none begins after it
+        for later in ("simulated_ends", "linear_ends", "first_point"):  # none begins after it
             monkeypatch.setattr(_STAGES[later], later, lambda *given: pytest.fail("a stage began"))
     result = setid.identify(LONG.data, setid.TransferFunction(1, 1, 1), noise, options=QUICK)
     assert bool(result.verify()) and not result.empty

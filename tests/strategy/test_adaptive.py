@@ -37,7 +37,7 @@ LINEAR = ("star", "split", "mixed", "full", "monomials", "cutoff", "linear_tree"
 def test_a_tree_ends_where_its_gap_cannot_close(
     monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], advice: str
 ) -> None:
-    monkeypatch.setattr(adaptive, "STRATEGY", replace(adaptive.STRATEGY, idle_nodes=FEW))
+    monkeypatch.setattr(adaptive, "TREE", replace(adaptive.TREE, idle_nodes=FEW))
     x, y = sp.variables(2)
     line = sp.Problem(-x * y, [x + 3 * y == 1], lower=0, upper=1)  # -1/12 at (1/2, 1/6)
     result = sp.solve(line, sp.Options(effort="auto", skip=LINEAR, **options))
@@ -47,7 +47,7 @@ def test_a_tree_ends_where_its_gap_cannot_close(
 
 
 def test_a_limit_is_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive, "STRATEGY", replace(adaptive.STRATEGY, idle_nodes=FEW))
+    monkeypatch.setattr(adaptive, "TREE", replace(adaptive.TREE, idle_nodes=FEW))
     x, y = sp.variables(2)
     line = sp.Problem(-x * y, [x + 3 * y == 1], lower=0, upper=1)
     options = sp.Options(effort="auto", skip=LINEAR, refine="none", node_limit=300)

@@ -336,9 +336,11 @@ def test_a_gap_that_is_nearly_closed_does_not_yet_ask_for_a_tighter_box(
     monkeypatch.setattr(MultiObjectiveSearch, "_tighten", lambda *_: asked.append(1))
     search = MultiObjectiveSearch(*(cast(Any, None),) * 7)
     context = SimpleNamespace(best=None, report=lambda bound: None)
-    auto = SimpleNamespace(left=left, over=left < 1.0, history=[1] * steps, context=context)
-    auto.bound = 0.0
-    search.searches = cast(Any, [auto])
+    adaptive = SimpleNamespace(
+        gap_ratio=left, over=left < 1.0, history=[1] * steps, context=context
+    )
+    adaptive.bound = 0.0
+    search.searches = cast(Any, [adaptive])
     search._share(0)
     assert bool(asked) is tightens
 

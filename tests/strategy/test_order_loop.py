@@ -15,7 +15,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.options import SKIPPED
-from sparsepop_py.strategy import order_loop
+from sparsepop_py.strategy import without_box
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening import obbt_lp
 from sparsepop_py.verified.certificate.steps import Known
@@ -429,7 +429,7 @@ def test_relaxations_precede_exact_gram_matrices_that_take_longer(monkeypatch):
     def refused(*_: object) -> None:
         raise AssertionError("a Gram matrix was looked for")
 
-    monkeypatch.setattr(order_loop, "unconstrained_bound", refused)
+    monkeypatch.setattr(without_box, "unconstrained_bound", refused)
     planted = sp.problems.random_quartic(12)
     problem = Problem(planted.objective, (), planted.lower, planted.upper)  # coefficients alone
     result = check(problem, sp.solve(problem, Options(effort="auto")))

@@ -109,13 +109,15 @@ def test_a_box_made_with_a_lower_cutoff_is_left_where_the_cutoff_rises(skip):
     assert best is not None
     wide = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=9.0, below=True)
     shared = Model(*find_box(problem, None, options))
-    auto = AdaptiveSearch(wide, shared, [], SharedState.of(problem, (problem.objective,), options))
-    auto.restart(replace(shared))
-    auto.run(1)
-    auto.context = replace(auto.context, unit=1e-4)
-    auto.restart(auto.shared_model)
-    auto.run()
-    certificate = auto.outcome.certificate
+    search = AdaptiveSearch(
+        wide, shared, [], SharedState.of(problem, (problem.objective,), options)
+    )
+    search.restart(replace(shared))
+    search.run(1)
+    search.context = replace(search.context, unit=1e-4)
+    search.restart(search.shared_model)
+    search.run()
+    certificate = search.outcome.certificate
     assert certificate is not None and certificate.verify(problem).ok
     x = np.random.default_rng(0).uniform(0.0, 2.0, (20000, 2))
     x = np.column_stack([x, 1.0 - x[:, 0] * x[:, 1]])
@@ -133,15 +135,15 @@ def test_a_relaxation_returns_where_the_box_shrank_by_what_its_gap_lacks(left, s
     context = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=1.0)
     shared = Model(*find_box(problem, None, options))
     state = SharedState.of(problem, (problem.objective,), options)
-    auto = AdaptiveSearch(context, shared, [], state)
-    gap = auto.context.upper - auto.bound
-    auto.context = replace(auto.context, unit=gap / (auto.context.allowed * left))
-    assert auto.left == pytest.approx(left)
-    auto.tried = [(state.specs[0], auto.bound, 1.0)]
+    search = AdaptiveSearch(context, shared, [], state)
+    gap = search.context.upper - search.bound
+    search.context = replace(search.context, unit=gap / (search.context.allowed * left))
+    assert search.gap_ratio == pytest.approx(left)
+    search.tried = [(state.specs[0], search.bound, 1.0)]
     wide = shared.box.width() * share
     smaller = Interval(shared.box.lo, np.where(shared.box.lo == 0, wide, shared.box.hi))
-    auto.restart(replace(shared, box=smaller))
-    assert (auto.tried == []) == again
+    search.restart(replace(shared, box=smaller))
+    assert (search.tried == []) == again
 
 
 def test_a_relaxation_on_a_smaller_box_is_worth_what_the_box_has_lost():
@@ -152,21 +154,21 @@ def test_a_relaxation_on_a_smaller_box_is_worth_what_the_box_has_lost():
     shared = Model(*find_box(problem, None, options))
     state = SharedState.of(problem, (problem.objective,), options)
     for left, worth in ((4.0, 0.1 * 0.5), (1.9, 1.0)):
-        auto = AdaptiveSearch(context, shared, [], state)
-        gap = auto.context.upper - auto.bound
-        auto.context = replace(auto.context, unit=gap / (auto.context.allowed * left))
+        search = AdaptiveSearch(context, shared, [], state)
+        gap = search.context.upper - search.bound
+        search.context = replace(search.context, unit=gap / (search.context.allowed * left))
         [star] = [spec for spec in state.specs if spec.shape == "star"]
-        auto.tried = [(star, auto.bound, 1.0)]
+        search.tried = [(star, search.bound, 1.0)]
         high, own = shared.box.hi.copy(), list(state.variables)  # others, as noise, hardly move
         high[own] = 0.5 * (shared.box.lo + shared.box.hi)[own]
         half = Interval(shared.box.lo, high)
         assert 0 < len(own) < high.size
-        auto.restart(replace(shared, box=half))
-        auto.queue.specs = [star]
+        search.restart(replace(shared, box=half))
+        search.queue.specs = [star]
         state.cost_model.seconds[star.name] = 1.0
-        assert auto.queue.expected == {star.name: pytest.approx(worth)}
+        assert search.queue.expected == {star.name: pytest.approx(worth)}
         alone = state.cost_model.rate(star, 0.0, 1.0)
-        assert auto.queue.best(None)[1] == pytest.approx(min(alone, worth))
+        assert search.queue.best(None)[1] == pytest.approx(min(alone, worth))
 
 
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():
@@ -199,7 +201,7 @@ def test_a_cheap_order_comes_before_more_searches_and_higher_orders(monkeypatch,
 
     monkeypatch.setattr(AdaptiveSearch, "search_more_starts", search_more_starts)
     for module in (adaptive, relaxation_queue):
-        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap=cheap))
+        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap_seconds=cheap))
     problem = heat_exchangers()
     result = sp.solve(problem, Options(effort="auto", work_limit=10.0, skip=("linear_tree",)))
     check(problem, result, 7049.24802, tight=1e-6)

@@ -120,7 +120,8 @@ def test_a_set_that_is_not_enough_grows(monkeypatch):
 @pytest.fixture(autouse=True)
 def worth_it(monkeypatch):
     """Working sets also where a relaxation of all constraints takes no time."""
-    monkeypatch.setattr(working_set, "STRATEGY", settings.StrategySettings(long_star=0.0))
+    chosen = settings.WorkingSetSettings(long_star_seconds=0.0)
+    monkeypatch.setattr(working_set, "WORKING_SET", chosen)
 
 
 @pytest.mark.slow
@@ -128,8 +129,8 @@ def test_a_set_that_would_become_too_large_stays(monkeypatch):
     """Where more constraints do not fit, the bound of the set there is comes first."""
     price = 1.0 * (np.arange(80) < 3)
     monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: price)
-    tight = settings.StrategySettings(most_working=0.06, long_star=0.0)  # four constraints of 80
-    monkeypatch.setattr(working_set, "STRATEGY", tight)
+    small = settings.WorkingSetSettings(largest_share=0.06, long_star_seconds=0.0)  # four of 80
+    monkeypatch.setattr(working_set, "WORKING_SET", small)
     results = both_ends(problem_of(*record()))
     assert all(result.status is Status.OPTIMAL for result in results)
     assert sizes(results) and max(sizes(results)) <= 4
@@ -141,10 +142,10 @@ def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
     if case == "none":
         monkeypatch.setattr(working_set, "row_prices", lambda *_, **__: np.zeros(80))
     elif case == "all":
-        least = settings.StrategySettings(most_working=0.0, long_star=0.0)
-        monkeypatch.setattr(working_set, "STRATEGY", least)
+        least = settings.WorkingSetSettings(largest_share=0.0, long_star_seconds=0.0)
+        monkeypatch.setattr(working_set, "WORKING_SET", least)
     elif case == "quick":
-        monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+        monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     else:
         options = Options(
             effort="auto", gap=1e-3, gap_kind="width", time_limit=60.0, skip=["working_set"]
@@ -166,7 +167,7 @@ def test_without_a_small_set_all_constraints_are_used(case, monkeypatch):
     ],
 )
 def test_sets_are_worth_it_where_constraints_are_costly(seconds, samples, worth, monkeypatch):
-    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
     assert working_set.suits(search_on(problem_of(*record(samples=samples)))) is worth
 
@@ -182,7 +183,7 @@ def test_sets_are_worth_it_where_constraints_are_costly(seconds, samples, worth,
     ],
 )
 def test_sets_that_gain_little_leave_other_objectives_to_the_whole(long, gained, used, monkeypatch):
-    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     costs = CostModel()
     for progress in gained:
         costs.learn("first step", progress, 0.1, goes_on=True)
@@ -218,8 +219,8 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
     names = {}
     counted = replace(WIDTH, time_limit=None, work_limit=2.0)  # this set closes nothing
     for share, options in ((0.0, WIDTH), (np.inf, counted)):
-        chosen = settings.StrategySettings(long_star=0.0, whole_star=share)
-        monkeypatch.setattr(working_set, "STRATEGY", chosen)
+        chosen = settings.WorkingSetSettings(long_star_seconds=0.0, star_seconds_before_whole=share)
+        monkeypatch.setattr(working_set, "WORKING_SET", chosen)
         results = both_ends(problem_of(*record()), options)
         if share == 0.0:
             assert all(result.status is Status.OPTIMAL for result in results)
@@ -243,7 +244,7 @@ def test_the_star_on_all_constraints_follows_a_set_that_took_longer(monkeypatch)
 )
 def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, gaps, slow):
     own = with_tree(0, gaps[0])
-    for own.search.search.seen, before, own.search.left in zip(
+    for own.search.tree.seen, before, own.search.gap_ratio in zip(
         nodes, gaps[:-1], gaps[1:], strict=True
     ):
         found = own._slow(before)
@@ -252,7 +253,7 @@ def test_a_tree_is_slow_where_two_nodes_leave_more_than_half_of_the_gap(nodes, g
 
 def with_tree(nodes, left, whole=None):
     """A search on a working set whose tree has nodes and leaves a gap."""
-    search = SimpleNamespace(search=SimpleNamespace(seen=nodes), left=left, point=np.zeros(1))
+    search = SimpleNamespace(tree=SimpleNamespace(seen=nodes), gap_ratio=left, point=np.zeros(1))
     return WorkingSetSearch(cast(Any, whole), CostModel(), search=cast(Any, search))
 
 
@@ -261,11 +262,13 @@ def test_a_tree_on_a_set_is_not_interrupted():
     whole = SimpleNamespace(queue=SimpleNamespace(specs=[star], seconds=lambda spec: 1.0))
     for nodes, interrupted in ((0, True), (1, False)):
         own = with_tree(nodes, 50.0, whole)
-        own.spent = 1.1 * settings.STRATEGY.whole_star
+        own.spent = 1.1 * settings.WORKING_SET.star_seconds_before_whole
         assert own._whole_first() == interrupted
 
 
-@pytest.mark.parametrize("left", [0.9 * settings.STRATEGY.tight, 1.1 * settings.STRATEGY.tight])
+@pytest.mark.parametrize(
+    "left", [share * settings.STRATEGY.small_gap_ratio for share in (0.9, 1.1)]
+)
 @pytest.mark.parametrize(("nodes", "slow"), [(0, False), (3, False), (3, True)])
 def test_points_of_loose_relaxations_add_nothing_and_slow_trees_neighbours(
     left, nodes, slow, monkeypatch
@@ -281,7 +284,7 @@ def test_points_of_loose_relaxations_add_nothing_and_slow_trees_neighbours(
     assert own._wider().tolist() == [2, 3, 4, 5, 6]
     monkeypatch.setattr(own, "_set", lambda rows: asked.append(rows.tolist()) is None)
     own._grow(slow)
-    counts = left < settings.STRATEGY.tight and (slow or not nodes)
+    counts = left < settings.STRATEGY.small_gap_ratio and (slow or not nodes)
     tight = ["relaxation's point"] if counts else []
     assert asked == [*tight, "minimiser", *([[2, 3, 4, 5, 6]] if slow else [])]
     assert not own.done
@@ -299,14 +302,14 @@ def test_the_tree_of_another_set_is_judged_from_its_first_node(monkeypatch):
 
 @pytest.mark.parametrize(("long", "most"), [(False, 64), (True, 48)])
 def test_sets_may_be_larger_where_the_star_of_all_is_not_long(long, most, monkeypatch):
-    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     own = WorkingSetSearch(search_on(problem_of(*record())), CostModel(), long)
     assert own._set(np.arange(most)) and not own._set(np.arange(most + 1))
 
 
 @pytest.mark.parametrize("long", [False, True])
 def test_seconds_on_a_set_are_a_share_of_those_on_all(long, monkeypatch):
-    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     own = WorkingSetSearch(whole_search(), CostModel(), long)
     assert own._set(np.arange(10, 50))  # 40 of 80
     own._begin()
@@ -319,7 +322,7 @@ def test_seconds_on_a_set_are_a_share_of_those_on_all(long, monkeypatch):
 @pytest.mark.parametrize(("seconds", "long"), [(1.0, False), (3.0, True)])
 def test_what_is_long_is_decided_before_anything_is_measured(seconds, long, monkeypatch):
     """A star of a long record that took little does not make the record short."""
-    monkeypatch.setattr(working_set, "STRATEGY", settings.STRATEGY)
+    monkeypatch.setattr(working_set, "WORKING_SET", settings.WORKING_SET)
     monkeypatch.setattr(working_set, "_star_seconds", lambda _: seconds)
     made, own = [], WorkingSetSearch.__init__
     monkeypatch.setattr(
@@ -380,7 +383,7 @@ def tightened_set():
 def test_the_next_set_and_the_whole_begin_with_the_box_of_the_tree():
     """The cutoff and two constraints more: what the tree proved holds there."""
     own = tightened_set()
-    tree = own.search.search
+    tree = own.search.tree
     assert any(isinstance(step, Tightening) for step in tree.root_steps)
     width = tree._root.box.width()[0]
     assert width < own.whole.model.box.width()[0]
@@ -426,14 +429,14 @@ def test_sets_begin_with_stars():
 )
 def test_a_turn_on_a_set_goes_on_where_little_is_left(left, on_set, steps):
     taken = []
-    auto = SimpleNamespace(
+    search = SimpleNamespace(
         context=SimpleNamespace(upper=1.0),
         bound=0.0,
-        left=left,
+        gap_ratio=left,
         over=False,
         restart=lambda model: None,
         run=taken.append,
     )
     own = SimpleNamespace(step=lambda: taken.append(1) is None) if on_set else None
-    Turn(cast(Any, auto), cast(Any, own), cast(Any, None), 3).take()
+    Turn(cast(Any, search), cast(Any, own), cast(Any, None), 3).take()
     assert len(taken) == steps

@@ -1,1 +1,1 @@
-"""Cones of denominators: their linear programs, and the search that parts them."""
+"""Cones of denominators: their linear programs, and the search that splits them."""

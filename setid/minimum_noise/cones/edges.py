@@ -1,4 +1,4 @@
-"""Choose how a cone of denominators is parted, and what it hands on to its parts."""
+"""Choose how a cone of denominators is split, and what it hands on to its halves."""
 
 from __future__ import annotations
 

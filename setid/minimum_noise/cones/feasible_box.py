@@ -1,7 +1,7 @@
-"""Search for a box of the parameters: cones of denominators, parted until none reaches far.
+"""Search for a box of the parameters: cones of denominators, split until none reaches far.
 
 Best first: the cone that reaches farthest beyond the ends that consistent parameters attain is
-refuted, or parted at its longest edge. Where the denominators of all cones that are left lie near
+refuted, or split at its longest edge. Where the denominators of all cones that are left lie near
 those ends, so do, by programs of their own, the gains on each cone. First all ends are brought
 near, then as near as is asked; of orders from 3 on without a prior only the gains, since the engine
 closes denominators sooner within a box that is near.
@@ -26,6 +26,7 @@ from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, ort
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs, programs_of
+from setid.proofs.denominators.cones import first_cones, split_cone
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
@@ -33,15 +34,8 @@ from setid.proofs.denominators.denominator_box import (
     ratio_ends,
     upright,
 )
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    doubts,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, correction_bounds
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, family_refutes
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
@@ -54,22 +48,23 @@ __all__ = ["denominator_box", "settles"]
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
 _Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
-_OPEN = VaryingLeaf((), (), ())
-_SHARES = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
-_OWN = 0.1  # the least of denominators without a prior, from order 3 on: the engine is faster then
-_WITHIN = 0.9  # of what an end may reach beyond: what programs aim at
-_OVER = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
-_THIN = 0.01  # of what ends may reach beyond: smaller cones are left, they are consistent or nearly
-_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
-_BITS, _LIMIT_BITS = 34, 44  # of the largest multiplier of a vector; of those that bound a gain
-_ALONE = 120.0  # seconds, where no time is given
-_AHEAD = 4  # cones for each worker of an executor
-_MEMORY = 2.0**29  # bytes of multipliers
-_TINY = 1e-300
+_OPEN_LEAF = VaryingLeaf((), (), ())
+_TARGETS = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
+_DENOMINATOR_TARGET = 0.1  # the least of denominators that the engine closes sooner
+_AIM = 0.9  # of what an end may reach beyond: what programs aim at
+_REFUTED_FACTOR = 1.0 + 1e-7  # of the noise bounds: what is refuted, rounding included
+_THIN = 0.01  # of what ends may reach beyond: a smaller cone is left, as it is nearly consistent
+_ROUNDING_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
+_VECTOR_BITS = 34  # binary digits of multipliers of vectors, from the largest one on
+_LIMIT_BITS = 44  # binary digits of multipliers that bound a gain
+_DEFAULT_SECONDS = 120.0  # seconds, where no time is given
+_CONES_PER_WORKER = 4  # cones for each worker of an executor
+_MOST_BYTES = 2.0**29  # bytes of multipliers
+_TINY = 1e-300  # in place of zero in quotients and logarithms
 
 
 @dataclass(slots=True)
-class _Grown:
+class _OpenCone:
     """A cone that is left, the ends of the parameters on it, and whether it was examined."""
 
     node: ConeNode
@@ -97,7 +92,7 @@ def denominator_box(
     attained : (lower, upper), each (p,) float
         Ends that consistent parameters reach.
     tol : float
-        Of the attained widths: cones that reach less far beyond are not parted.
+        Of the attained widths: cones that reach less far beyond are not split.
     deadline : Deadline
     executor : concurrent.futures.Executor, optional
         Examines several cones at once.
@@ -114,9 +109,9 @@ def denominator_box(
         if rows is None or programs is None or programs.free is None:
             continue
         parts = 1.0 / (outputs - output)
-        until = deadline.part(parts, otherwise=parts * _ALONE)
+        until = deadline.part(parts, otherwise=parts * _DEFAULT_SECONDS)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
-        complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _OWN))
+        complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _DENOMINATOR_TARGET))
         tree, own = search.proved(output)
         trees.append(tree)
         limits.append(own)
@@ -153,6 +148,8 @@ def _is_fast(rows: OutputRows) -> bool:
 
 
 class _Search:
+    """Best-first search over cones of one output, which brings ends of its parameters near."""
+
     def __init__(
         self,
         formulation: Formulation,
@@ -166,7 +163,7 @@ class _Search:
         self._rows, self._programs, self._deadline = rows, programs, deadline
         assert programs.free is not None
         self._free = programs.free
-        self._executor, self._ahead = executor, _AHEAD * workers_of(executor) or 1
+        self._executor, self._ahead = executor, _CONES_PER_WORKER * workers_of(executor) or 1
         at = {name: place for place, name in enumerate(formulation.parameters)}
         self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
         self._gains = [(c, at[name], s) for c, (name, s) in enumerate(rows.gains) if name in at]
@@ -180,8 +177,8 @@ class _Search:
         self._cells: list[Cell | VaryingLeaf] = []  # by number, as what follows
         self._wholes: list[int] = []  # -1 for the first ones
         self._limits: dict[tuple[int, int, int], Limit] = {}  # by cell, column and sign
-        self._waiting: list[tuple[_Order, int, _Grown]] = []
-        self._count, self._share, self._least = 0, _SHARES[0], 0.0
+        self._waiting: list[tuple[_Order, int, _OpenCone]] = []
+        self._count, self._share, self._least = 0, _TARGETS[0], 0.0
         self._thin = False  # whether a cone was left as too thin
         for cone in first_cones(rows.order, rows.stable):
             self._file(first_node(cone), -1, inside)
@@ -192,18 +189,18 @@ class _Search:
         size = np.maximum(np.abs(self._low), np.abs(self._high))
         return np.maximum(self._high - self._low, 1e-12 * size + _TINY)
 
-    def _beyond(self, grown: _Grown, places: Sequence[int]) -> float:
+    def _beyond(self, open_cone: _OpenCone, places: Sequence[int]) -> float:
         """Distance of ends beyond the attained ones, the largest, in attained widths."""
         with np.errstate(invalid="ignore"):
-            far = np.maximum(self._low - grown.low, grown.high - self._high) / self._width()
+            far = np.maximum(self._low - open_cone.low, open_cone.high - self._high) / self._width()
         return float(np.max(far[list(places)], initial=0.0))
 
-    def _order(self, grown: _Grown) -> _Order:
+    def _order(self, open_cone: _OpenCone) -> _Order:
         """Denominators first: of gains nothing is known before."""
-        own = self._beyond(grown, [place for _, place in self._own])
+        own = self._beyond(open_cone, [place for _, place in self._own])
         if own > max(self._share, self._least):
             return 0, -own
-        return 1, -self._beyond(grown, [place for _, place, _ in self._gains])
+        return 1, -self._beyond(open_cone, [place for _, place, _ in self._gains])
 
     def _is_far(self, order: _Order) -> bool:
         return order[0] == 0 or -order[1] > self._share
@@ -211,24 +208,24 @@ class _Search:
     # ---- the search ------------------------------------------------------------------------
 
     def run(self, tol: float, least: float) -> bool:
-        """Part cones until none reaches farther than is asked; tell if all came as near.
+        """Split cones until none reaches farther than is asked; tell if all came as near.
 
         Denominators need not be nearer than ``least``.
         """
         self._least = least
         try:
-            near = all(self._reached(s) for s in (*(s for s in _SHARES if s > tol), tol))
+            near = all(self._reached(s) for s in (*(s for s in _TARGETS if s > tol), tol))
             return near and not self._thin
         except EARLY as cause:
             self._deadline.ended(cause)
             return False
 
     def _reached(self, share: float) -> bool:
-        """Part cones until none reaches farther than a share of the widths, or time ends."""
+        """Split cones until none reaches farther than a share of the widths, or time ends."""
         self._share = share
-        again, self._waiting = [grown for _, _, grown in self._waiting], []
-        for grown in again:
-            self._push(grown)
+        again, self._waiting = [open_cone for _, _, open_cone in self._waiting], []
+        for open_cone in again:
+            self._push(open_cone)
         while self._waiting and self._is_far(self._waiting[0][0]):
             if self._ended:
                 return False
@@ -238,27 +235,27 @@ class _Search:
     @property
     def _ended(self) -> bool:
         size = len(self._multipliers) * 8.0 * self._rows.y.size
-        return size > _MEMORY or self._deadline.over
+        return size > _MOST_BYTES or self._deadline.over
 
     def _advance(self) -> None:
-        """Refute, bound or part the cones that reach farthest."""
-        batch: list[_Grown] = []
+        """Refute, bound or split the cones that reach farthest."""
+        batch: list[_OpenCone] = []
         while self._waiting and len(batch) < self._ahead and self._is_far(self._waiting[0][0]):
             batch.append(heapq.heappop(self._waiting)[2])
-        new = [grown for grown in batch if not grown.examined]
-        tasks = [(self._cones, grown.node, _OVER) for grown in new]
+        new = [open_cone for open_cone in batch if not open_cone.examined]
+        tasks = [(self._cones, open_cone.node, _REFUTED_FACTOR) for open_cone in new]
         refuted = set[int]()
-        for grown, found in zip(new, self._mapped(examined, tasks), strict=True):
-            if self._refuted(grown, found):
-                refuted.add(grown.number)
-        batch = [grown for grown in batch if grown.number not in refuted]
+        for open_cone, found in zip(new, self._mapped(examined, tasks), strict=True):
+            if self._refuted(open_cone, found):
+                refuted.add(open_cone.number)
+        batch = [open_cone for open_cone in batch if open_cone.number not in refuted]
         if not self._ended:
-            self._limit([grown for grown in batch if self._order(grown)[0] == 1])
-        for grown in batch:
-            if self._is_far(self._order(grown)) and not self._ended:
-                self._part(grown)
+            self._limit([open_cone for open_cone in batch if self._order(open_cone)[0] == 1])
+        for open_cone in batch:
+            if self._is_far(self._order(open_cone)) and not self._ended:
+                self._split(open_cone)
             else:
-                self._push(grown)
+                self._push(open_cone)
 
     def _mapped(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         try:
@@ -267,27 +264,29 @@ class _Search:
             self._executor, self._ahead = None, 1
             return [work(task) for task in tasks]
 
-    def _refuted(self, grown: _Grown, found: Examined) -> bool:
+    def _refuted(self, open_cone: _OpenCone, found: Examined) -> bool:
         """Keep what refutes a cone; else what is new of it."""
-        grown.node, grown.examined = found.node, True
+        open_cone.node, open_cone.examined = found.node, True
         if found.tried is not None and found.level < 1.0:
             self._attain(found.tried)
         if found.bound is None:
             assert found.unstable is not None
-            self._cells[grown.number] = found.unstable
+            self._cells[open_cone.number] = found.unstable
             return True
         if found.bound.factor < 1.0:
             return False
         table = self._table(orthogonal(found.bound.multipliers, self._programs.basis))
         numbers, minors = tuple(range(len(table))), tuple(found.bound.minors.tolist())
         leaf = VaryingLeaf((numbers,), (1.0,), found.powers, minors)
-        doubt = doubts(self._rows, self._free, table)
-        if doubt is None or not family_refutes(self._rows, table, doubt, grown.node.cone, leaf):
+        corrections = correction_bounds(self._rows, self._free, table)
+        if corrections is None or not family_refutes(
+            self._rows, table, corrections, open_cone.node.cone, leaf
+        ):
             return False
-        self._cells[grown.number] = leaf._replace(used=(self._family(table),))
+        self._cells[open_cone.number] = leaf._replace(used=(self._family(table),))
         return True
 
-    def _table(self, multipliers: Reals, bits: int = _BITS) -> Reals:
+    def _table(self, multipliers: Reals, bits: int = _VECTOR_BITS) -> Reals:
         """Multipliers over the whole record, (K, N), in short binary fractions."""
         size = np.abs(multipliers).max(axis=1, keepdims=True)
         unit = np.exp2(np.ceil(np.log2(np.maximum(size, _TINY))) - bits)
@@ -309,69 +308,72 @@ class _Search:
         self._multipliers += list(multipliers)
         return tuple(range(begin, begin + len(multipliers)))
 
-    def _limit(self, batch: Sequence[_Grown]) -> None:
+    def _limit(self, batch: Sequence[_OpenCone]) -> None:
         """Bound the gains that reach too far."""
-        asked: list[tuple[_Grown, int, int, int]] = []
+        asked: list[tuple[_OpenCone, int, int, int]] = []
         tasks: list[LimitTask] = []
-        for grown in batch:
-            cone = upright(grown.node.cone)
+        for open_cone in batch:
+            cone = upright(open_cone.node.cone)
             if cone is None:
                 continue
-            node = grown.node._replace(cone=cone)
+            node = open_cone.node._replace(cone=cone)
             for column, place, own in self._gains:
                 room = self._share * self._width()[place]
                 for sign in (1, -1):
                     upper = sign * own > 0
                     end = self._high[place] if upper else -self._low[place]
-                    now = grown.high[place] if upper else -grown.low[place]
+                    now = open_cone.high[place] if upper else -open_cone.low[place]
                     if now - end > room:
-                        asked.append((grown, column, place, sign))
-                        aim = end + _WITHIN * room
-                        tasks.append(LimitTask(self._solvers[column], node, sign, aim, _OVER))
-        for (grown, column, place, sign), found in zip(
+                        asked.append((open_cone, column, place, sign))
+                        aim = end + _AIM * room
+                        solver = self._solvers[column]
+                        tasks.append(LimitTask(solver, node, sign, aim, _REFUTED_FACTOR))
+        for (open_cone, column, place, sign), found in zip(
             asked, self._mapped(limited, tasks), strict=True
         ):
-            self._keep_limit(grown, (column, place, sign), found)
+            self._keep_limit(open_cone, (column, place, sign), found)
 
-    def _keep_limit(self, grown: _Grown, which: tuple[int, int, int], found: FoundLimit) -> None:
+    def _keep_limit(
+        self, open_cone: _OpenCone, which: tuple[int, int, int], found: FoundLimit
+    ) -> None:
         column, place, sign = which
         upper = sign * self._rows.gains[column][1] > 0
-        ends, cone = grown.high if upper else -grown.low, grown.node.cone
-        value = found.value + _LOSS * float(self._width()[place])
+        ends, cone = open_cone.high if upper else -open_cone.low, open_cone.node.cone
+        value = found.value + _ROUNDING_LOSS * float(self._width()[place])
         if not value < ends[place]:
             return
         table = self._table(found.multipliers, _LIMIT_BITS)
         numbers = tuple(range(len(table)))
-        limit = Limit(grown.number, column, sign, value, numbers, found.powers, found.minors)
+        limit = Limit(open_cone.number, column, sign, value, numbers, found.powers, found.minors)
         if not limit_holds(self._rows, self._free, table, cone, limit):
             return
         limit = limit._replace(used=self._family(table))
-        self._limits[grown.number, column, sign] = limit
+        self._limits[open_cone.number, column, sign] = limit
         if upper:
-            grown.high[place] = value
+            open_cone.high[place] = value
         else:
-            grown.low[place] = -value
+            open_cone.low[place] = -value
 
-    def _part(self, grown: _Grown) -> None:
-        """Part a cone; one that is too thin is left."""
-        if self._is_thin(grown):
+    def _split(self, open_cone: _OpenCone) -> None:
+        """Split a cone; one that is too thin is left."""
+        if self._is_thin(open_cone):
             self._thin = True
             return
-        edge = self._edge(grown.node)
-        parts = None if edge is None else parted_cone(grown.node.cone, edge[:2], edge[2])
-        if edge is None or parts is None:
+        edge = self._edge(open_cone.node)
+        halves = None if edge is None else split_cone(open_cone.node.cone, edge[:2], edge[2])
+        if edge is None or halves is None:
             return
         first = len(self._cells)
-        for part in parts:
-            node = grown.node._replace(cone=part, centred=False)
-            self._file(node, grown.number, (grown.low, grown.high))
-        self._cells[grown.number] = Cell((first, first + 1), edge[:2], edge[2])
+        for half in halves:
+            node = open_cone.node._replace(cone=half, centred=False)
+            self._file(node, open_cone.number, (open_cone.low, open_cone.high))
+        self._cells[open_cone.number] = Cell((first, first + 1), edge[:2], edge[2])
 
-    def _is_thin(self, grown: _Grown) -> bool:
+    def _is_thin(self, open_cone: _OpenCone) -> bool:
         """Check that all denominators of a cone are as good as one, which is not refuted."""
         places = [place for _, place in self._own]
         room = self._share * self._width()[places]
-        return bool(places and np.all((grown.high - grown.low)[places] <= _THIN * room))
+        return bool(places and np.all((open_cone.high - open_cone.low)[places] <= _THIN * room))
 
     def _edge(self, node: ConeNode) -> tuple[int, int, tuple[int, int]] | None:
         """Two vectors and the weights of the one between them."""
@@ -394,18 +396,18 @@ class _Search:
     def _file(self, node: ConeNode, whole: int, ends: Ends) -> None:
         """Number a cone; it is left out where it lies outside of what is known."""
         number = len(self._cells)
-        self._cells.append(_OPEN)
+        self._cells.append(_OPEN_LEAF)
         self._wholes.append(whole)
         low, high = ends[0].copy(), ends[1].copy()
         least, most = ratio_ends(node.cone)
         for lag, place in self._own:
             low[place], high[place] = max(low[place], least[lag]), min(high[place], most[lag])
         if np.all(low <= high):
-            self._push(_Grown(node, number, low, high))
+            self._push(_OpenCone(node, number, low, high))
 
-    def _push(self, grown: _Grown) -> None:
+    def _push(self, open_cone: _OpenCone) -> None:
         self._count += 1
-        heapq.heappush(self._waiting, (self._order(grown), self._count, grown))
+        heapq.heappush(self._waiting, (self._order(open_cone), self._count, open_cone))
 
     # ---- what is proved --------------------------------------------------------------------
 
@@ -429,7 +431,7 @@ class _Search:
         return VaryingCells(output, self._free, table, cells), tuple(limits)
 
     def _binding(self) -> list[Limit]:
-        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN]
+        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN_LEAF]
         found = dict[tuple[int, int, int], Limit]()
         for number in left:
             best = dict[tuple[int, int], Limit]()

@@ -10,12 +10,12 @@ program is
               lambda_j orthogonal to the known columns,
 
 with Y_p lambda = sum_i y(i) (v_j * lambda_k + v_k * lambda_j)(i). Where t > 0 no member of the cone
-explains the record with noise of tau w; where t <= 0 the cone has to be parted. It is solved by a
+explains the record with noise of tau w; where t <= 0 the cone has to be split. It is solved by a
 primal-dual interior-point method with a predictor and a corrector (S. Mehrotra, *SIAM J.
 Optimization* 2 (1992) 575-601). Sizes s leave each step on their own, one by one. What remains in
 lambda is a banded matrix, as a filter joins a sample with n others. So a step costs as much as the
 record is long. The method ends where the target is refuted, where it cannot be, and where it comes
-so slowly that two parts of the cone are cheaper.
+so slowly that two halves of the cone are cheaper.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from setid.minimum_noise.cones import plain_steps
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized, Totals, paired_columns
 from setid.minimum_noise.programs import Programs
-from setid.proofs.denominators.denominator_cells import Cone
+from setid.proofs.denominators.cones import Cone
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
 __all__ = ["EXACT", "QUICK", "ConeBound", "ConePrograms", "Effort"]
@@ -55,7 +55,7 @@ class Effort(NamedTuple):
     Parameters
     ----------
     level : float
-        Of the target: a level with which a cone is parted.
+        Of the target: a level with which a cone is split.
     infeasible : float
         What is left of the infeasibility of dual values, where these tell.
     patience : float
@@ -67,8 +67,8 @@ class Effort(NamedTuple):
     patience: float
 
 
-QUICK = Effort(1e-3, 0.05, 8.0)  # parting a cone is cheaper than many steps
-EXACT = Effort(1e-6, 1e-4, 40.0)  # near feasible denominators parting does little
+QUICK = Effort(1e-3, 0.05, 8.0)  # splitting a cone is cheaper than many steps
+EXACT = Effort(1e-6, 1e-4, 40.0)  # near feasible denominators splitting does little
 
 
 class ConeBound(NamedTuple):

@@ -14,7 +14,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from setid.minimum_noise.cones.linear_programs import ConeBound, ConePrograms
-from setid.proofs.denominators.denominator_cells import Cone, VaryingLeaf
+from setid.proofs.denominators.cones import Cone
+from setid.proofs.denominators.denominator_cells import VaryingLeaf
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
 __all__ = ["ConeNode", "Examined", "examined", "first_node"]
@@ -41,7 +42,7 @@ class ConeNode(NamedTuple):
     products : (K, K) float
         Weights of pairs that are hard to refute.
     edges : (K, K) float
-        Weights of edges: less than 1 where partings left a part as hard to refute.
+        Weights of edges: less than 1 where splits left a half as hard to refute.
     """
 
     cone: Cone

@@ -4,7 +4,7 @@ Best first, as in ``denominators.py``. Each vector of a cone has its own multipl
 are a family, which follows the dual solution through the cone. What a family refutes falls short
 by second order in the width of the cone. The best family of a cone is the solution of a linear
 program, see ``linear_programs.py``. Where it does not reach the target, its dual solution tells
-which pair of vectors to part. A target that takes too long is approached from below.
+which pair of vectors to split. A target that takes too long is approached from below.
 """
 
 from __future__ import annotations
@@ -26,13 +26,9 @@ from setid.minimum_noise.cones.limits import orthogonal
 from setid.minimum_noise.cones.linear_programs import ConePrograms
 from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import first_cones, split_cone
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from sparsepop_py.budget import Deadline
 from sparsepop_py.errors import SparsePOPError
@@ -41,18 +37,19 @@ from sparsepop_py.executors.dispatch import map_in_order, workers_of
 __all__ = ["follow_denominators"]
 
 Reals = NDArray[np.float64]
-_MEMORY = 2.0**29  # bytes of multipliers
-_NOTHING = VaryingLeaf((), (), ())
-_AT_ONCE = 0.15  # of the time: for cones that are refuted at the last target
-_AHEAD = 4  # cones for each worker of an executor
-_FIRST = 0.5  # of the level, which the lowest target leaves
-_FALL, _LITTLE = 0.5, 0.9  # of a share: the least and the largest one for the next target
-_GROWTH = 3.5  # least one: a share that is smaller by 2 takes 2 to this power as long
-_PART = 0.5  # of the time: for the next target
-_BRIEF = 0.2  # seconds that tell nothing of the growth
-_NEAR = 1.5  # of the tolerance: then it comes next
-_AS_HARD = 1.02  # of what refutes the whole: a part for which parting did nothing
-_LONG = 0.5  # of the weight of an edge that was parted without avail
+_MOST_BYTES = 2.0**29  # bytes of multipliers
+_OPEN_LEAF = VaryingLeaf((), (), ())
+_DIRECT_TIME = 0.15  # of the time: for an attempt at the last target without lower ones
+_CONES_PER_WORKER = 4  # cones for each worker of an executor
+_FIRST_SHARE = 0.5  # of the level, which the lowest target leaves
+_LEAST_RATIO = 0.5  # of the next share to the present one
+_LARGEST_RATIO = 0.9  # of the next share to the present one
+_LEAST_GROWTH = 3.5  # a share that is smaller by 2 takes at least 2 to this power as long
+_NEXT_TARGET_TIME = 0.5  # of the time left: for the next target
+_BRIEF_SECONDS = 0.2  # seconds that tell nothing of the growth
+_NEAR_TOL = 1.5  # times the tolerance: from a share this small on the tolerance comes next
+_AS_HARD = 1.02  # times what refutes the whole: splitting did nothing for a half below it
+_IDLE_EDGE = 0.5  # of the weight of an edge that was split without avail
 
 
 def follow_denominators(
@@ -91,6 +88,8 @@ def follow_denominators(
 
 
 class _Search:
+    """Search over cones that refutes one target after the other, by families of multipliers."""
+
     def __init__(
         self,
         rows: OutputRows,
@@ -102,7 +101,7 @@ class _Search:
     ) -> None:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
         self._attained, self._executor = attained, executor
-        self._ahead = _AHEAD * workers_of(executor) or 1  # cones that are parted together
+        self._ahead = _CONES_PER_WORKER * workers_of(executor) or 1  # cones that are split together
         self._share = tol  # of the level: what may be left now
         self._until = deadline
         self._cones = ConePrograms(programs, rows.stable, deadline.left)
@@ -115,7 +114,7 @@ class _Search:
         self._leaves: list[VaryingLeaf] = []  # what refutes each cone as a whole
         self._proved: list[float] = []
         self._failed: list[float] = []  # least target that was not refuted
-        self._parted: list[Cell | None] = []
+        self._splits: list[Cell | None] = []
         self._waiting: list[tuple[float, int]] = []
         self._wholes: list[int] = []  # -1 for the first ones
         for cone in first_cones(self._rows.order, self._rows.stable):
@@ -129,17 +128,17 @@ class _Search:
     @property
     def _ended(self) -> bool:
         """Check that the time is over, or multipliers take as much memory as they may."""
-        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MEMORY
+        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MOST_BYTES
         return full or self._until.over
 
     def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
         self._wholes.append(whole)
-        self._leaves.append(_NOTHING)
+        self._leaves.append(_OPEN_LEAF)
         self._proved.append(0.0)
         self._failed.append(np.inf)
-        self._parted.append(None)
+        self._splits.append(None)
 
     def _refute(self, cones: Sequence[tuple[int, float]]) -> None:
         """Refute the target in cones; put others in the queue, each with its whole's factor."""
@@ -147,7 +146,7 @@ class _Search:
             self._solve([n for n, _ in cones if self._proved[n] < self.target < self._failed[n]])
         for number, least in cones:
             low = max(least, self._proved[number])
-            if low < self.target and self._parted[number] is None:
+            if low < self.target and self._splits[number] is None:
                 heapq.heappush(self._waiting, (low, number))
 
     def _solve(self, numbers: Sequence[int]) -> None:
@@ -182,7 +181,7 @@ class _Search:
             self._failed[number] = target
 
     def run(self, output: int) -> FoundDenominators:
-        """Part cones until all are refuted, or time or memory ends; state what is refuted.
+        """Split cones until all are refuted, or time or memory ends; state what is refuted.
 
         Where that takes too long, the search begins again with a low target, which rises as fast as
         the time allows. Each time all cones are refuted before any is refuted further: the worst
@@ -190,22 +189,22 @@ class _Search:
         """
         left = self._deadline.left
         if left is not None:
-            self._until = Deadline(_AT_ONCE * left)
+            self._until = Deadline(_DIRECT_TIME * left)
         self._reach(self._tol)
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
             return self._found(output)
-        before, share, wider = copy.copy(self), max(_FIRST, self._tol), 1.0  # keeps its lists
+        before, share, wider = copy.copy(self), max(_FIRST_SHARE, self._tol), 1.0  # keeps its lists
         self._begin()
-        spent, growth = 0.0, _GROWTH
+        spent, growth = 0.0, _LEAST_GROWTH
         while not self._ended:
             begun, earlier = time.monotonic(), spent
             self._reach(share)
             if share <= self._tol:
                 break
             spent = time.monotonic() - begun
-            if min(earlier, spent) > _BRIEF:
-                growth = max(_GROWTH, np.log(spent / earlier) / np.log(wider / share))
+            if min(earlier, spent) > _BRIEF_SECONDS:
+                growth = max(_LEAST_GROWTH, np.log(spent / earlier) / np.log(wider / share))
             wider, share = share, self._following(share, spent, growth)
         found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
         return replace(found, best=tuple(self._attained.best))
@@ -213,41 +212,41 @@ class _Search:
     def _following(self, share: float, spent: float, growth: float) -> float:
         """Choose what the next target leaves of the level, for a part of the time that is left."""
         left = self._deadline.left
-        fall = _FALL
+        fall = _LEAST_RATIO
         if left is not None:
-            fall = (spent / max(_PART * left, spent, _BRIEF)) ** (1.0 / growth)
-        share *= min(max(fall, _FALL), _LITTLE)
-        return share if share > _NEAR * self._tol else self._tol
+            fall = (spent / max(_NEXT_TARGET_TIME * left, spent, _BRIEF_SECONDS)) ** (1.0 / growth)
+        share *= min(max(fall, _LEAST_RATIO), _LARGEST_RATIO)
+        return share if share > _NEAR_TOL * self._tol else self._tol
 
     def _reach(self, share: float) -> None:
-        """Refute a target in all cones while time allows, in parts only where their whole fails."""
+        """Refute a target in all cones while time allows, in halves where their whole fails."""
         self._share, self._waiting = share, []
         layer = list(range(len(first_cones(self._rows.order, self._rows.stable))))
         while layer and not self._ended:
-            parts: list[int] = []
+            children: list[int] = []
             for begin in range(0, len(layer), self._ahead):
                 self._refute([(number, 0.0) for number in layer[begin : begin + self._ahead]])
             for number in layer:
-                cell = self._parted[number]
+                cell = self._splits[number]
                 if cell is not None and self._proved[number] < self.target:
-                    parts += cell.children
-            layer = parts
-        self._part_all()
+                    children += cell.children
+            layer = children
+        self._split_all()
 
-    def _part_all(self) -> None:
-        """Part the cones that are open at the present target, the worst ones first."""
+    def _split_all(self) -> None:
+        """Split the cones that are open at the present target, the worst ones first."""
         while not self._ended:
-            parts: list[tuple[int, float]] = []
-            while self._waiting and self._waiting[0][0] < self.target and len(parts) < self._ahead:
+            halves: list[tuple[int, float]] = []
+            while self._waiting and self._waiting[0][0] < self.target and len(halves) < self._ahead:
                 low, number = heapq.heappop(self._waiting)
-                parts += [(part, low) for part in self._parts(number)]
-            if not parts:
+                halves += [(half, low) for half in self._split(number)]
+            if not halves:
                 break
-            self._refute(parts)
+            self._refute(halves)
             self._attained.descend(self._deadline)
 
-    def _parts(self, number: int) -> tuple[int, ...]:
-        """Part a cone at an edge between vectors that are hard to refute together."""
+    def _split(self, number: int) -> tuple[int, ...]:
+        """Split a cone at an edge between vectors that are hard to refute together."""
         node, edge, edges = self._nodes[number], (0, 1, (1, 1)), self._edges(number)
         if node.centre is not None:
             filtered, bound = node.cone.astype(np.float64) @ node.centre, self._programs.bound
@@ -256,23 +255,23 @@ class _Search:
                 return ()
             edge = changing
         i, j, weights = edge
-        parts = parted_cone(node.cone, (i, j), weights)
-        if parts is None:  # too thin: it stays a leaf
+        halves = split_cone(node.cone, (i, j), weights)
+        if halves is None:  # too thin: it stays a leaf
             return ()
         first = len(self._nodes)
-        self._parted[number] = Cell((first, first + 1), (i, j), weights)
-        for part in parts:
-            self._file(node._replace(cone=part, centred=False, edges=edges), number)
+        self._splits[number] = Cell((first, first + 1), (i, j), weights)
+        for half in halves:
+            self._file(node._replace(cone=half, centred=False, edges=edges), number)
         return first, first + 1
 
     def _edges(self, number: int) -> Reals:
         """Weigh the edges of a cone (K, K).
 
-        Where its whole was parted into one that is refuted and this one, which is as hard as the
+        Where its whole was split into one that is refuted and this one, which is as hard as the
         whole, that edge is long: slice after slice would be cut off.
         """
         weights, whole = self._nodes[number].edges, self._wholes[number]
-        cell = None if whole < 0 else self._parted[whole]
+        cell = None if whole < 0 else self._splits[whole]
         if cell is None:
             return weights
         other = sum(cell.children) - number
@@ -281,24 +280,24 @@ class _Search:
             return np.asarray(np.sqrt(weights), np.float64)
         i, j = cell.edge
         weights = weights.copy()
-        weights[[i, j], [j, i]] *= _LONG
+        weights[[i, j], [j, i]] *= _IDLE_EDGE
         return weights
 
     def _found(self, output: int) -> FoundDenominators:
-        """State what the tree refutes; parts that refute less than their whole are left out."""
+        """State what the tree refutes; halves that refute less than their whole are left out."""
         low = self._proved.copy()
         for number in reversed(range(len(low))):
-            cell = self._parted[number]
+            cell = self._splits[number]
             if cell is not None:
-                parts = min(low[child] for child in cell.children)
-                if parts > low[number]:
-                    low[number] = parts
+                least = min(low[child] for child in cell.children)
+                if least > low[number]:
+                    low[number] = least
                 else:
-                    self._parted[number] = None
+                    self._splits[number] = None
         cells, proved = list[Cell | VaryingLeaf](), list[float]()
         order = list(range(len(first_cones(self._rows.order, self._rows.stable))))
         for number in order:  # grows
-            cell, leaf = self._parted[number], self._leaves[number]
+            cell, leaf = self._splits[number], self._leaves[number]
             if cell is not None:
                 cells.append(cell._replace(children=(len(order), len(order) + 1)))
                 order += cell.children

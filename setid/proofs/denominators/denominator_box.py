@@ -16,7 +16,7 @@ So b < beta on the whole cone if, for each pair j <= k,
         + v_k * lambda_j)(i)  -  sum_r sigma_r H_r(j, k)  >  0:
 
 were b >= beta, the left side of the rows would exceed what noise can give. Lower ends are upper
-ones of -b. What holds on a cone holds on its parts.
+ones of -b. What holds on a cone holds on its halves.
 """
 
 from __future__ import annotations
@@ -30,14 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
-from setid.proofs.denominators.denominator_cells import (
-    Cone,
-    OutputRows,
-    VaryingLeaf,
-    doubts,
-    is_ordinary,
-    output_rows,
-)
+from setid.proofs.denominators.cones import Cone
+from setid.proofs.denominators.denominator_cells import VaryingLeaf, correction_bounds, is_ordinary
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import (
     VaryingCells,
     exceeds,
@@ -48,6 +43,7 @@ from setid.proofs.denominators.varying_multipliers import (
 )
 from setid.proofs.row_boxes import RowBox, rows_prove
 from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.sign_tree import intersect
 
 __all__ = ["DenominatorBox", "Limit", "limit_holds", "ratio_ends", "upright"]
 
@@ -163,10 +159,10 @@ def limit_holds(
         return False
     aims = np.zeros((len(family), rows.known.shape[1]))
     aims[:, limit.column] = -limit.sign * shares
-    doubt = doubts(rows, free, family, aims)
-    if doubt is None:
+    corrections = correction_bounds(rows, free, family, aims)
+    if corrections is None:
         return False
-    needed, noise = sides(rows, family, doubt, vectors, np.arange(len(cone))[None])
+    needed, noise = sides(rows, family, corrections, vectors, np.arange(len(cone))[None])
     one, two = np.array(pairs(len(cone))).T
     gained = limit.value * (vectors[one, 0] * shares[two] + vectors[two, 0] * shares[one])
     minors = np.zeros((0, one.size))
@@ -267,8 +263,8 @@ def _hull(
     if not 0 <= tree.output < formulation.model.outputs:
         return None
     rows = output_rows(formulation, tree.output)
-    left = None if rows is None else tree.left(rows)
-    if rows is None or left is None:
+    unrefuted = None if rows is None else tree.unrefuted(rows)
+    if rows is None or unrefuted is None:
         return None
     cones = tree.cones(rows)
     assert cones is not None
@@ -279,12 +275,12 @@ def _hull(
             rows, tree.free, tree.multipliers, cones[limit.cell], limit
         ):
             known[limit.cell] = _limited(known[limit.cell], limit, rows, at)
-    for number in sorted(cones):  # parts come after their wholes
-        for part in tree.parts(number):
-            known[part] = _met(known[part], known[number])
+    for number in sorted(cones):  # children come after their parents
+        for child in tree.children_of(number):
+            known[child] = intersect(known[child], known[number])
     own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
     hull = np.full_like(inside[0], inf), np.full_like(inside[1], -inf)
-    for number in left:
+    for number in unrefuted:
         ends, (low, high) = ratio_ends(cones[number]), known[number]
         low, high = low.copy(), high.copy()
         for lag, place in own:
@@ -308,7 +304,3 @@ def _limited(
     else:
         low[at[name]] = max(low[at[name]], -limit.value)
     return low, high
-
-
-def _met(one: tuple[Reals, Reals], other: tuple[Reals, Reals]) -> tuple[Reals, Reals]:
-    return np.maximum(one[0], other[0]), np.minimum(one[1], other[1])

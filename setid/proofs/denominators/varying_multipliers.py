@@ -1,4 +1,4 @@
-"""No parameters are consistent with a record: cells whose multipliers vary with the denominator.
+"""No parameters are consistent with a record: cones whose multipliers vary with the denominator.
 
 The notation is that of ``denominator_cells.py``. A cone is spanned by v_1, ..., v_K, so that its
 denominators are a = sum_j t_j v_j with t >= 0. The noise is bounded sample by sample here; in
@@ -32,17 +32,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.proofs.denominators.cones import Cone, first_cones
 from setid.proofs.denominators.denominator_cells import (
     Cell,
-    Cone,
     DenominatorCells,
-    OutputRows,
     VaryingLeaf,
-    first_cones,
+    dual_norm,
     is_ordinary,
-    let_through,
-    moments,
+    multiplied_readings,
 )
+from setid.proofs.denominators.output_rows import OutputRows
 
 __all__ = ["VaryingCells", "hurwitz_minors", "pairs"]
 
@@ -77,15 +76,15 @@ class VaryingCells(DenominatorCells):
     """
 
     def _refutes(
-        self, rows: OutputRows, doubt: Reals, cone: Cone, cell: Cell | VaryingLeaf
+        self, rows: OutputRows, corrections: Reals, cone: Cone, cell: Cell | VaryingLeaf
     ) -> bool:
         if not isinstance(cell, VaryingLeaf):
-            return DenominatorCells._refutes(self, rows, doubt, cone, cell)
-        return family_refutes(rows, self.multipliers, doubt, cone, cell)
+            return DenominatorCells._refutes(self, rows, corrections, cone, cell)
+        return family_refutes(rows, self.multipliers, corrections, cone, cell)
 
 
 def family_refutes(
-    rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone, leaf: VaryingLeaf
+    rows: OutputRows, multipliers: Reals, corrections: Reals, cone: Cone, leaf: VaryingLeaf
 ) -> bool:
     """Check that families of multipliers leave no denominator of a cone.
 
@@ -93,7 +92,7 @@ def family_refutes(
     ----------
     rows : OutputRows
     multipliers : (M, N) float
-    doubts : (M, N) float
+    corrections : (M, N) float
         How far each may be from one that is orthogonal to the columns.
     cone : (K, n + 1) int
     leaf : VaryingLeaf
@@ -104,7 +103,7 @@ def family_refutes(
     if not is_ordinary(vectors):
         return False
     families = np.array(leaf.used, np.int64).reshape(-1, len(cone))
-    needed, noise = sides(rows, multipliers, doubts, vectors, families)
+    needed, noise = sides(rows, multipliers, corrections, vectors, families)
     minors = np.zeros((0, needed.shape[1]))
     if leaf.minors:
         minors = hurwitz_minors(cone, leaf.powers)
@@ -171,16 +170,22 @@ def hurwitz_minors(cone: Cone, powers: tuple[int, ...]) -> Reals:
 
 
 def sides(
-    rows: OutputRows, multipliers: Reals, doubts: Reals, vectors: Reals, families: NDArray[np.int64]
+    rows: OutputRows,
+    multipliers: Reals,
+    corrections: Reals,
+    vectors: Reals,
+    families: NDArray[np.int64],
 ) -> tuple[Reals, Reals]:
     """Compute what rows need, and what noise and rounding can give, (m, pairs) each."""
     one, two = np.array(pairs(len(vectors))).T
     needed, noise = np.zeros((len(families), one.size)), np.zeros((len(families), one.size))
     for m, family in enumerate(families):
-        q, lost, shifted, rounding = moments(rows, multipliers[family], doubts[family])
+        q, lost, shifted, rounding = multiplied_readings(
+            rows, multipliers[family], corrections[family]
+        )
         value, loss = vectors @ q.T, np.abs(vectors) @ lost.T
         filtered = np.einsum("jv,kvn->jkn", vectors, shifted)
-        let = let_through(rows, filtered[one, two] + filtered[two, one])
+        let = dual_norm(rows, filtered[one, two] + filtered[two, one])
         needed[m] = value[one, two] + value[two, one]
         noise[m] = (let + loss[one, two] + loss[two, one]) * (1.0 + 4.0 * rounding) * _MORE
     return needed, noise

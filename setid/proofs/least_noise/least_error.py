@@ -7,7 +7,7 @@ lambda is with R'lambda = 0 (the dual norm below; S. Boyd, L. Vandenberghe, Conv
 Output errors: parameters with an error of at most a radius are consistent with output noise
 within it, for each of the three norms. The least error over those is a polynomial problem, whose
 bound the engine certifies; all other parameters have a larger error than the radius. Of one output
-cells of denominators refute errors up to a level in the same norm
+cones of denominators refute errors up to a level in the same norm
 (:mod:`setid.proofs.denominators.denominator_cells`), whatever the radius is.
 """
 
@@ -31,7 +31,8 @@ from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, in_units
 from setid.models.equations import Structure
 from setid.priors.base import Prior
-from setid.proofs.denominators.denominator_cells import DenominatorCells, OutputRows, output_rows
+from setid.proofs.denominators.denominator_cells import DenominatorCells
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted
 from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box

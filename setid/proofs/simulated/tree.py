@@ -2,7 +2,7 @@
 
 A node of the tree is a region. Its steps tighten it: rows of the simulation over the region as it
 is, and multipliers of them for the largest and least values of each parameter and direction. Then
-it is parted, or it is a leaf. Every consistent vector lies in a leaf that is not proved empty.
+it is split, or it is a leaf. Every consistent vector lies in a leaf that is not proved empty.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = [
     "TreeNode",
     "asked",
     "first_region",
-    "parted",
+    "split_region",
     "tightened",
     "widened",
 ]
@@ -59,13 +59,13 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeNode:
-    """A region that is tightened, then parted.
+    """A region that is tightened, then split.
 
     Parameters
     ----------
     steps : tuple of Step
     split : int
-        Number of the parameter or direction at which it is parted; -1 for a leaf.
+        Number of the parameter or direction at which it is split; -1 for a leaf.
     at : float
     children : tuple of int
         Numbers of the nodes below and above, larger than its own; none for a leaf.
@@ -119,8 +119,8 @@ def tightened(region: Region, spaces: Cover, step: Step) -> Region | None:
     )
 
 
-def parted(region: Region, split: int, at: float) -> tuple[Region | None, Region | None]:
-    """Part a region below and above a number; None for a part that is empty."""
+def split_region(region: Region, split: int, at: float) -> tuple[Region | None, Region | None]:
+    """Split a region below and above a number; None for a half that is empty."""
     d = region.lower.size
     own = np.arange(d + region.low.size) == split
     below = replace(
@@ -221,7 +221,7 @@ class SimulatedBox(Bounds):
                 continue
             if len(node.children) != 2 or min(node.children) <= number:
                 return None
-            waiting += zip(parted(region, node.split, node.at), node.children, strict=True)
+            waiting += zip(split_region(region, node.split, node.at), node.children, strict=True)
         return low, high
 
     def _text(self) -> str:

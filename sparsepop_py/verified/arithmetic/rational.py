@@ -1,4 +1,4 @@
-"""Linear systems in rationals: sparse elimination, exact to the last digit."""
+"""Linear systems in rationals, exact to the last digit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fractions import Fraction
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
 
-__all__ = ["solve_rationally"]
+__all__ = ["solve_matrix", "solve_rationally"]
 
 
 def solve_rationally(
@@ -62,3 +62,37 @@ def _eliminate(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
         values[column] = sum((values[key] * value for key, value in row.items()), Fraction(0))
     del values[-1]
     return values
+
+
+def solve_matrix(
+    matrix: list[list[Fraction]], right: list[list[Fraction]]
+) -> list[list[Fraction]] | None:
+    """Solve a dense square system by Gauss and Jordan; None if it is singular.
+
+    Parameters
+    ----------
+    matrix : list of list of Fraction
+        One row each.
+    right : list of list of Fraction
+        Right sides, one row for each row of the matrix.
+
+    Examples
+    --------
+    >>> solve_matrix([[Fraction(3)]], [[Fraction(2)]])
+    [[Fraction(2, 3)]]
+    """
+    size = len(matrix)
+    rows = [[*line, *values] for line, values in zip(matrix, right, strict=True)]
+    for column in range(size):
+        pivot = next((i for i in range(column, size) if rows[i][column]), None)
+        if pivot is None:
+            return None
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        first = rows[column][column]
+        rows[column] = [value / first for value in rows[column]]
+        for i in range(size):
+            factor = rows[i][column]
+            if i != column and factor:
+                pairs = zip(rows[i], rows[column], strict=True)
+                rows[i] = [a - factor * b for a, b in pairs]
+    return [row[size:] for row in rows]

@@ -27,7 +27,7 @@ from sparsepop_py.verified.certificate.linear_bound import LinearBound
 from sparsepop_py.verified.uncertain_rows.box import Bounds, Box
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
-__all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows"]
+__all__ = ["LeftInverse", "ParameterBox", "SignTree", "halves", "hull", "intersect", "linear_rows"]
 
 Reals = NDArray[np.float64]
 
@@ -173,10 +173,12 @@ class ParameterBox(Bounds):
 
 
 def intersect(one: Box, other: Box) -> Box:
+    """Intersect two boxes; ends cross where nothing is in both."""
     return np.maximum(one[0], other[0]), np.minimum(one[1], other[1])
 
 
 def hull(parts: Sequence[Box]) -> Box:
+    """Enclose boxes by one; those whose ends cross are empty."""
     full = [part for part in parts if not np.any(part[0] > part[1])]
     if not full:
         return parts[0]
@@ -185,6 +187,7 @@ def hull(parts: Sequence[Box]) -> Box:
 
 
 def halves(box: Box, place: int) -> tuple[Box, Box]:
+    """Split a box at zero of one coordinate: below, then above."""
     high, low = box[1].copy(), box[0].copy()
     high[place], low[place] = min(high[place], 0.0), max(low[place], 0.0)
     return (box[0], high), (low, box[1])

@@ -12,8 +12,9 @@ import sparsepop_py as sp
 from benchmarks.peers import scip as peers
 from benchmarks.problems.block_structured import KINDS, record
 from setid.bounding import engine
+from setid.bounding.engine import recheck_results
 from setid.feasible_points import start as start_points
-from setid.feasible_points.search import coupled, recheck_results, search_ends
+from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation

@@ -26,14 +26,9 @@ from setid.minimum_noise.cones.nodes import Examined
 from setid.minimum_noise.cones.plain_steps import Coupled, Fixed, Sized
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    Cone,
-    OutputRows,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import Cone, first_cones, split_cone
+from setid.proofs.denominators.denominator_cells import Cell
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.processes import Processes
@@ -80,12 +75,12 @@ def rows_of(
 
 
 def parts_of(cone: Cone, depth: int) -> list[Cone]:
-    """Cones of several sizes: a path of parts through the first edges in turn."""
+    """Cones of several sizes: a path of halves through the first edges in turn."""
     found, edges = [cone], [pair for pair in pairs(len(cone)) if pair[0] < pair[1]]
     for step in range(depth):
-        parts = parted_cone(found[-1], edges[step % len(edges)], (1, 1))
-        assert parts is not None
-        found.append(parts[step % 2])
+        halves = split_cone(found[-1], edges[step % len(edges)], (1, 1))
+        assert halves is not None
+        found.append(halves[step % 2])
     return found
 
 
@@ -544,7 +539,7 @@ def test_an_edge_that_is_parted_without_avail_counts_less(
     before = np.full((3, 3), 0.8)
     node = search._nodes[0]._replace(edges=before)
     search._nodes[0] = node
-    search._parted[0] = Cell((1, 2), (0, 2), (1, 1))
+    search._splits[0] = Cell((1, 2), (0, 2), (1, 1))
     for _ in range(2):
         search._file(node, 0)
     search._proved[:] = [0.4 * search.target, other * search.target, own * search.target]

@@ -1,4 +1,4 @@
-"""Where a cone of denominators is parted."""
+"""Where a cone of denominators is split."""
 
 from __future__ import annotations
 

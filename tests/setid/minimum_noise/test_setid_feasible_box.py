@@ -53,7 +53,7 @@ def test_denominators_are_left_to_the_engine_where_it_is_faster(
     known = planted()
     whole = found_box(known, 0.6)
     monkeypatch.setattr(feasible_box, "_is_fast", lambda rows: False)
-    monkeypatch.setattr(feasible_box, "_OWN", 2.0)
+    monkeypatch.setattr(feasible_box, "_DENOMINATOR_TARGET", 2.0)
     box = found_box(known, 0.6)
     beyond = np.maximum(NEAR[0] - box.lower, box.upper - NEAR[1]) / 0.04
     assert box.complete and np.all(beyond <= [2.0, 2.0, 0.6, 0.6])
@@ -154,7 +154,7 @@ def test_a_long_record_with_strong_noise_is_certified() -> None:
 
 
 @pytest.mark.parametrize("taps", [1, 2])
-def test_a_response_without_denominator_is_not_parted(taps: int) -> None:
+def test_a_response_without_denominator_is_not_split(taps: int) -> None:
     """Noise near its bound at all samples leaves a set that no limit reaches within its width."""
     rng = np.random.default_rng(0)
     u = np.round(rng.uniform(-2, 2, 228) * 64) / 64

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import setid
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.denominators.denominator_cells import OutputRows, output_rows
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 
 Reals = NDArray[np.float64]
 MODEL = setid.TransferFunction(3, 2, 1, offset=True)

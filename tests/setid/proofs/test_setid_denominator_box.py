@@ -13,6 +13,7 @@ from scipy.optimize import linprog
 import setid
 from setid.feasible_set.start import find_box
 from setid.minimum_noise.cones.feasible_box import denominator_box
+from setid.proofs.denominators.cones import first_cones
 from setid.proofs.denominators.denominator_box import (
     DenominatorBox,
     Limit,
@@ -20,13 +21,8 @@ from setid.proofs.denominators.denominator_box import (
     ratio_ends,
     upright,
 )
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    output_rows,
-)
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, hurwitz_minors, pairs
 from setid.proofs.parameter_box import box_follows, start_of
 from setid.result.json_parts import read, write
@@ -92,7 +88,7 @@ def test_a_gain_by_hand() -> None:
         assert by_hand(wrong) == (-9.0, 9.0)
 
 
-def test_limits_of_a_whole_hold_on_its_parts() -> None:
+def test_limits_of_a_cone_hold_on_its_halves() -> None:
     """And a part may have a nearer one of its own; the hull is that of both parts."""
     data = setid.IOData([1.0, 2.0, 4.0], [0.5, 1.0, 2.0])
     model = setid.TransferFunction(na=1, nb=1)

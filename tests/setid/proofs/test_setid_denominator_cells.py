@@ -1,4 +1,4 @@
-"""Refuted noise by cells of denominators: by hand, against linear programs, and forged claims."""
+"""Refuted noise by cones of denominators: by hand, against linear programs, and forged claims."""
 
 from __future__ import annotations
 
@@ -11,14 +11,9 @@ from scipy.optimize import linprog
 import setid
 from setid.minimum_noise.denominators import least_output_noise
 from setid.models.lti import Form
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    DenominatorCells,
-    _inverse,
-    first_cones,
-    output_rows,
-    parted_cone,
-)
+from setid.proofs.denominators.cones import first_cones, split_cone
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, _inverse
+from setid.proofs.denominators.output_rows import output_rows
 from sparsepop_py.budget import Deadline
 
 STATIC = setid.TransferFunction(na=0, nb=1)
@@ -253,11 +248,11 @@ def test_there_are_as_many_cells_as_first_cones() -> None:
 
 def test_weights_on_an_edge_are_positive_integers() -> None:
     cone = first_cones(1, True)[0]
-    parts = parted_cone(cone, (0, 1), (1, 3))
-    assert parts is not None
-    assert [part.tolist() for part in parts] == [[[2, -1], [1, -1]], [[1, 1], [2, -1]]]
+    halves = split_cone(cone, (0, 1), (1, 3))
+    assert halves is not None
+    assert [half.tolist() for half in halves] == [[[2, -1], [1, -1]], [[1, 1], [2, -1]]]
     for edge, weights in (((0, 0), (1, 1)), ((0, 2), (1, 1)), ((0, 1), (0, 1)), ((0, 1), (2, -1))):
-        assert parted_cone(cone, edge, weights) is None
+        assert split_cone(cone, edge, weights) is None
 
 
 def test_first_cones_hold_all_denominators() -> None:

@@ -147,7 +147,7 @@ def output_fit(request: pytest.FixtureRequest) -> setid.Fit:
 
 @pytest.fixture(scope="module", params=NORMS)
 def engine_fit(request: pytest.FixtureRequest) -> setid.Fit:
-    """A fit whose bound is the engine's: cells of denominators are not asked."""
+    """A fit whose bound is the engine's: cones of denominators are not asked."""
     with pytest.MonkeyPatch.context() as patch:
         nothing = FoundDenominators(0.0, None, ())
         patch.setattr("setid.analysis.fit._refuted", lambda *given: nothing)

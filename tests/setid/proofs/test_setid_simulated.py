@@ -16,7 +16,7 @@ from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.simulated.outputs import half_spaces, recursion_of
-from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode, parted, tightened
+from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode, split_region, tightened
 from setid.result.json_parts import read, write
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 
@@ -423,14 +423,14 @@ def test_multipliers_of_any_kind_lose_no_member() -> None:
 
 def test_parts_of_a_region_cover_it() -> None:
     region = region_of(TRUTH, 0.1, np.eye(4)[:1] + 1.0)
-    below, above = parted(region, 1, -0.47)
+    below, above = split_region(region, 1, -0.47)
     assert below.upper[1] == above.lower[1] == -0.47
     assert np.all(below.lower == region.lower) and np.all(above.upper == region.upper)
     middle = float(region.low[0] / 2 + region.high[0] / 2)
-    below, above = parted(region, 4, middle)
+    below, above = split_region(region, 4, middle)
     assert below.high[0] == above.low[0] == middle
     assert np.all(below.upper == region.upper)
-    assert parted(region, 0, -5.0)[0] is None and parted(region, 0, 5.0)[1] is None
+    assert split_region(region, 0, -5.0)[0] is None and split_region(region, 0, 5.0)[1] is None
 
 
 def test_parts_of_the_evidence_are_written_and_read() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import setid
 from setid.bounding import engine, long_records, simulations
-from setid.feasible_points.cascades import cascade_ends, tightened_cascade
+from setid.feasible_points.cascades import box_near_ends, simulated_ends
 from setid.feasible_set.start import find_box
 from setid.proofs.parameter_box import box_follows, start_of
 from setid.proofs.simulated.forms import Region
@@ -150,26 +150,25 @@ def noisy(samples: int = 130, bound: float = 0.05) -> setid.IOData:
 def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_ends() -> None:
     known = formulated(noisy(), output=0.05)
     box, parts = find_box(known), recursion_of(known)
-    reached = cascade_ends(known, parts, box, Deadline(60.0))
+    reached = simulated_ends(known, parts, box, Deadline(60.0))
     leaves = [
-        tightened_cascade(reached, box, 1e-3, Deadline(60.0), 3, near).leaves
-        for near in (0.0, np.inf)
+        box_near_ends(reached, box, 1e-3, Deadline(60.0), 3, near).leaves for near in (0.0, np.inf)
     ]
     assert leaves[0] == 1 < leaves[1]
 
 
-@pytest.mark.parametrize("parted", [True, False])
-def test_the_engine_closes_what_regions_leave_open(monkeypatch, parted: bool) -> None:
+@pytest.mark.parametrize("split", [True, False])
+def test_the_engine_closes_what_regions_leave_open(monkeypatch, split: bool) -> None:
     """Records count as long here, and as the longest, from 60 equations on."""
     monkeypatch.setattr(long_records, "_MANY", 60)
     monkeypatch.setattr(engine, "_LONG", 60)
-    monkeypatch.setattr(simulations, "_CELLS", 3)
-    monkeypatch.setattr(simulations, "_NEAR", np.inf)
-    monkeypatch.setattr(simulations, "_REGIONS", 60 if parted else 1000)
+    monkeypatch.setattr(simulations, "_MOST_REGIONS", 3)
+    monkeypatch.setattr(simulations, "_NEAR_ENDS", np.inf)
+    monkeypatch.setattr(simulations, "_MANY_EQUATIONS", 60 if split else 1000)
     monkeypatch.setattr(simulations, "denominator_box", lambda *given: None)
     options = setid.Options(time_limit=60.0, progress=False)
     found = setid.identify(noisy(80), MODEL, setid.Noise(output=0.05), options=options)
-    assert (found.box.leaves > 1) == parted
+    assert (found.box.leaves > 1) == split
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert item.outer[0] <= value <= item.outer[1]
         assert str(item.status) == "certified"

@@ -13,14 +13,9 @@ import setid
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.programs import Programs, longest_stretches
-from setid.proofs.denominators.denominator_cells import (
-    Cell,
-    DenominatorCells,
-    OutputRows,
-    VaryingLeaf,
-    first_cones,
-    output_rows,
-)
+from setid.proofs.denominators.cones import first_cones
+from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, VaryingLeaf
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, hurwitz_minors, pairs
 from sparsepop_py.budget import Deadline
 

@@ -38,7 +38,7 @@ def refuted() -> setid.Identification:
 
 @cache
 def long() -> setid.Identification:
-    """The held-out part has more than 100 equations, which cells of denominators refute."""
+    """The held-out part has more than 100 equations, which cones of denominators refute."""
     loud = record(setid.Noise(output=0.5), 130, 1)
     noise = setid.Noise(output=0.05)
     return setid.identify(record(noise, 20), MODEL, noise, setid.Stable(), FAST, holdout=loud)
