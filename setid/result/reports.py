@@ -17,6 +17,8 @@ from setid.formulation.formulation import Formulation
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters
+from setid.priors.transfer import Stable
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = [
@@ -93,8 +95,28 @@ def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     mixed = _mixed(result)
     known = [item for item in result.intervals.values() if item.name not in mixed]
     statuses = dict.fromkeys(item.status for item in known)
-    lines = [f"{status}: {status.message}" for status in statuses]
+    helps = {IntervalStatus.PARTIAL: _help(result, known)}
+    lines = [f"{status}: {helps.get(status, status.message)}" for status in statuses]
     return lines + _centre(result) + _advice(result, remarks)
+
+
+def _help(result: FeasibleSet, items: list[ParameterInterval]) -> str:
+    """Say what keeps intervals open in this run, and what would close them."""
+    partial = [item for item in items if item.status is IntervalStatus.PARTIAL]
+    loose = [item.name for item in partial if not np.all(np.isfinite(item.outer))]
+    stable = any(isinstance(prior, Stable) for prior in result.formulation.priors)
+    if loose:
+        shown = ", ".join(loose[:6]) + (", ..." if len(loose) > 6 else "")
+        prior = f"Box for {loose[0]}" if stable else f"Stable, or Box for {loose[0]}"
+        return (
+            f"No finite ends of {shown} follow from the data and the priors by the methods that "
+            f"were tried: give a prior such as {prior}, a stronger input or less noise."
+        )
+    found = "not attained within the tolerance"
+    if any(item.inner is None for item in partial):
+        found = "no consistent parameters were found"
+    prior = "Box" if stable else "Box and Stable"
+    return f"The outer ends are proved, but {found}: give more time, or priors such as {prior}."
 
 
 def _mixed(result: FeasibleSet) -> set[str]:

@@ -158,3 +158,16 @@ def test_a_prior_is_active_in_the_units_of_its_parameters(
     model, noise = setid.TransferFunction(na=1, nb=1), setid.Noise(equation=0.01 * unit)
     result = setid.identify(setid.IOData(u, y), model, noise, [prior], options=QUICK)
     assert list(result.active.values()) == [active]
+
+
+def test_help_for_open_intervals_is_about_this_run() -> None:
+    data = setid.IOData([1, -1, 1, 1, -1, 1, -1, -1], np.linspace(0.0, 1.0, 8))
+    model = setid.TransferFunction(2, 1, 1)
+    short = setid.Options(time_limit=0.01, progress=False)
+    bare, stable = (
+        setid.identify(data, model, setid.Noise(output=0.1), priors, short)
+        for priors in ((), setid.Stable())
+    )
+    assert str(bare.status) == str(stable.status) == "partial"
+    assert "give a prior such as Stable, or Box for" in bare.summary()
+    assert "such as Stable" not in stable.summary()
