@@ -12,6 +12,7 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextvars import ContextVar
 from glob import glob
 from importlib import metadata
 from itertools import chain
@@ -68,6 +69,7 @@ EXIT_INPUT = 2
 EXIT_MISSING = 3
 EXIT_OUTPUT = 5
 EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
+_READER = ContextVar("reader", default="")  # of the standard output: whether it has gone
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # of a standard output
 
 _CODES = """exit codes:
@@ -131,9 +133,11 @@ def run_commands(
     except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
         return int(stop.code or 0)
     wrong: tuple[type[Exception], ...] = (*wrong_input, OSError)
+    _READER.set("")
     try:
         code: int = arguments.run(arguments)
         sys.stdout.flush()
+        return EXIT_PIPE if _READER.get() else code
     except BrokenPipeError:  # whoever read has read enough
         _discard_output()
         return EXIT_PIPE
@@ -150,7 +154,6 @@ def run_commands(
     except SolverNotFound as error:
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_MISSING
-    return code
 
 
 def _discard_output() -> None:
@@ -327,15 +330,14 @@ def print_or_write(path: str | None, record: Any, text: str) -> None:
         As plain data, without NaN and infinities.
     text : str
     """
-    if path is None:
-        print(text)
-        return
-    encoded = json.dumps(record, indent=2, allow_nan=False)
-    if path == "-":
-        print(encoded)
-        return
-    print(text, flush=True)  # nothing is lost if the file cannot be written
-    write_text(path, encoded + "\n")
+    encoded = json.dumps(record, indent=2, allow_nan=False) if path is not None else ""
+    try:  # nothing is lost if files cannot be written
+        print(encoded if path == "-" else text, flush=True)
+    except BrokenPipeError:  # whoever read has read enough: files are written all the same
+        _discard_output()
+        _READER.set("gone")
+    if path not in (None, "-"):
+        write_text(str(path), encoded + "\n")
 
 
 def version() -> str:

@@ -295,6 +295,19 @@ def test_a_broken_pipe_is_silent() -> None:
     assert (found.stderr, found.returncode) == (b"", EXIT_PIPE)
 
 
+def test_files_are_written_though_the_reader_has_gone(tmp_path: pathlib.Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    out = tmp_path / "out.json"
+    words = [sys.executable, "-m", "sparsepop_py.cli", "solve", "-", "--json", str(out)]
+    found = subprocess.run(
+        words, stdout=writer, stderr=subprocess.PIPE, input=b"min x^2", cwd=ROOT, check=False
+    )
+    os.close(writer)
+    assert (found.stderr, found.returncode) == (b"", EXIT_PIPE)
+    assert strictly(out.read_text())["status"] == "OPTIMAL"
+
+
 @pytest.mark.skipif(not pathlib.Path("/dev/full").exists(), reason="there is no full device")
 def test_a_full_standard_output_is_no_wrong_input() -> None:
     words = [sys.executable, "-m", "sparsepop_py.cli", "info", "-"]

@@ -33,7 +33,7 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
 _MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _MARKS = ("#", "%")
-_HEADER = "; if this line is a second header, say header=2"
+_HEADER = "; if this line is a second header, say header=2 (--header 2)"
 _MOST_QUOTED = 60  # characters of a line that a message shows
 
 
@@ -288,7 +288,7 @@ def _doubtful_commas(path: PathLike, rows: list[tuple[int, list[str]]]) -> tuple
         return ()
     return (
         f"{Path(path).name}: commas were read as separators of whole numbers; "
-        "if they are decimal marks, say decimal=','",
+        "if they are decimal marks, say decimal=',' (--decimal ,)",
     )
 
 
@@ -327,7 +327,7 @@ def _samples(
             value = _value(fields[place], decimal)
             if value is None:
                 mark = "," if decimal == "." else "."
-                hint = f"; if that is a decimal mark, say decimal={mark!r}"
+                hint = f"; if that is a decimal mark, say decimal={mark!r} (--decimal {mark})"
                 if _value(fields[place], mark) is None:
                     hint = _HEADER if not any(map(_is_number, fields)) and row == 0 else ""
                 raise DataError(
