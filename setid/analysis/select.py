@@ -409,11 +409,19 @@ def _decision(result: Identification) -> tuple[str, str]:
             f" by samples {where}" if where else ""
         )
     if all(item.inner is None for item in result.intervals.values()):
-        return "open", "neither a consistent parameter vector nor emptiness was proved"
+        found = "neither a consistent parameter vector nor emptiness was proved"
+        return "open", found + _notes_on(result)
     widest = max(_relative(item) for item in result.intervals.values())
     if not np.isfinite(widest):
         return "kept", "consistent parameters exist; some intervals are not finite"
     return "kept", f"consistent parameters exist; widest interval {100 * widest:.2g} % of its size"
+
+
+def _notes_on(result: Identification) -> str:
+    """Say whether time ended the search, and what the result notes of it."""
+    limited = any(one.status is sp.Status.LIMIT for one in result.results)
+    notes = [*(["time ended first"] if limited else []), *result.notes]
+    return f" ({'; '.join(notes)})" if notes else ""
 
 
 def _relative(item: ParameterInterval) -> float:
