@@ -157,6 +157,8 @@ def _other_way(formulation: Formulation) -> str:
     start = start_of(formulation)[:, [number[name] for name in parts.poles]]
     missing = "" if np.all(np.isfinite(start)) else "Stable"
     rest = "initial='zero' where the record begins at rest"
+    if parts.initial and len(parts.poles) == 1:
+        rest = f"Box for {parts.poles[0]} that leaves out -1 and 0, or {rest}"
     if not can_start(parts):
         return f", or {missing} and {rest}" if missing else f", or {rest}"
     if missing:

@@ -107,3 +107,15 @@ def test_a_box_that_says_no_more_than_the_priors_needs_no_replay(
     monkeypatch.setattr(output_cells, "cell_box", lambda *_, **__: None)  # nothing is computed
     assert replace(bare, low=-none, high=none).verify(known, start)
     assert not any(claim.verify(known, start) for claim in claims)
+
+
+def test_a_box_of_the_pole_bounds_cubic_maps_with_an_unknown_past() -> None:
+    """The note says so: away from 0 and -1 first samples are coordinates of cells."""
+    known, theta = formulated(1, 3, "free")
+    data, model, noise = known.data, known.model, known.noise
+    short = setid.Options(time_limit=1.0, progress=False)
+    bare = setid.identify(data, model, noise, setid.Stable(), short)
+    assert "Box for a1 that leaves out -1 and 0" in bare.notes[-1]
+    away = setid.Box({"a1": (-0.95, -0.3)})
+    found = boxed(setid.formulate(data, model, noise, [setid.Stable(), away]))
+    assert holds(found, theta) and not found.open
