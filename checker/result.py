@@ -73,7 +73,7 @@ def packed(kind: str, values: list[Any]) -> bytes:
 def remarks(found: Any, certificates: Any) -> list[str]:
     """Tell what the name of a problem says of a certificate."""
     name = certificates[-1]["fingerprint"]
-    if not name.startswith("v2:") or name == fingerprint(found):
+    if name == fingerprint(found):
         return []
     return ["remark: by its fingerprint the certificate was made for another problem"]
 

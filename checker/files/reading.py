@@ -13,13 +13,7 @@ from typing import Any
 
 from ..arithmetic.polynomial import INF, Polynomial, Word
 
-OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
-    "part": [("cut", "branch")],
-    "Propagation": [("cutoff", "uses_cutoff")],
-    "Tightening": [("cutoff", "uses_cutoff")],
-    "Sublevel": [("level", "cutoff")],
-}
-VERSIONS = {"sparsepop-py": (2, 3, 4, 5, 6), "setid": (1, 2, 3, 4, 5, 6, 7)}
+VERSIONS = {"sparsepop-py": (3, 4, 5, 6), "setid": (1, 2, 3, 4, 5, 6, 7)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -101,26 +95,10 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     version = whole(item(found, "version", place), f"{place}.version")
     if version not in VERSIONS.get(name, ()):
         raise Malformed(f"{place}: {name!r:.40} of version {version} is not known")
-    if (name, version) == ("sparsepop-py", 2):
-        modernise(found)
     name = text(item(found, "is", place), f"{place}.is")
     if name.startswith("rational_") and version < 4:
         raise Malformed(f"{place}: {name!r:.40} in a file of version {version}")
     return name, item(found, name, place)
-
-
-def modernise(found: Any) -> None:
-    """Give the fields of version 2 the names of version 3, in place."""
-    stack = [found]
-    while stack:
-        inside = stack.pop()
-        if isinstance(inside, dict):
-            name = "part" if "cut" in inside else inside.get("is")
-            for old, new in OLD_NAMES.get(name, ()) if isinstance(name, str) else ():
-                if old in inside:
-                    inside[new] = inside.pop(old)
-            inside = list(inside.values())
-        stack += [value for value in inside if isinstance(value, (dict, list))]
 
 
 def item(found: Any, name: str, place: str) -> Any:

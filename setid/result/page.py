@@ -32,7 +32,7 @@ from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
 from setid.result.reports import advice, binding_kinds, html
-from sparsepop_py.errors import FormatError, ProblemError, check_writable
+from sparsepop_py.errors import check_writable
 from sparsepop_py.files import as_path, write_text
 
 if TYPE_CHECKING:
@@ -90,19 +90,17 @@ def report(
     Raises
     ------
     SetidError
-        If the time limit is no number of seconds, the record has other channels, or the page
-        cannot be written there.
+        If the time limit is no number of seconds, or the record has other channels.
     SolverNotFound
         If jinja2 or matplotlib is missing; the message says how to install them.
+    SparsePOPError
+        If the page cannot be written there.
     """
     if not number(time_limit, "time_limit", SetidError) >= 0:
         raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
     if validation is not None:
         check_channels(validation, result.formulation.model)
-    try:
-        check_writable(str(as_path(path)), "path")
-    except (ProblemError, FormatError) as error:
-        raise SetidError(str(error)) from None
+    check_writable(str(as_path(path)), "path")
     environment = _environment()
     plt = require_matplotlib()
     with plt.style.context("default"):

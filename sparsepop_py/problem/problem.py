@@ -33,7 +33,7 @@ from sparsepop_py.problem.rounding import (
 )
 from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
 
-__all__ = ["Problem", "encoding", "fingerprint_v1"]
+__all__ = ["Problem", "encoding"]
 
 Sense = Literal["min", "max"]
 
@@ -341,25 +341,6 @@ def encoding(problem: Problem) -> bytes:
         (np.array([weight for weight, _ in squares], float) + 0.0).astype("<f8").tobytes(),
     ]
     return b"".join(len(part).to_bytes(8, "little") + part for part in parts)
-
-
-def fingerprint_v1(problem: Problem) -> str:
-    """Hash a problem as files of version 2 and before did, to read them.
-
-    Different problems may share it: nothing but the recognition of a file may rest on it.
-    """
-    digest = hashlib.sha256()
-    named = [(problem.objective, "objective")]
-    for c in problem.constraints:
-        named += [(c.polynomial, c.kind.name), *((p, "entry") for p in c.entries)]
-    for polynomial, kind in named:
-        digest.update(kind.encode())
-        digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
-        digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
-        digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
-    for bound in (problem.lower, problem.upper):
-        digest.update((bound + 0.0).astype("<f8").tobytes())
-    return digest.hexdigest()
 
 
 def _rounded(

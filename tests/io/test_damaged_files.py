@@ -22,7 +22,7 @@ from sparsepop_py.compat import mat_structure
 from sparsepop_py.compat.mat_structure import check_structure
 from sparsepop_py.errors import FormatError, SparsePOPError
 
-FOLDER = Path(__file__).parent / "data" / "version2"
+FOLDER = Path(__file__).parent / "data" / "stored"
 
 # ---- JSON ----------------------------------------------------------------------------------------
 
@@ -35,7 +35,7 @@ ODD = [
     {"type": ["f8"], "shape": [1], "data": [1]},
 ]
 
-# Results and certificates with the minima of their problems, see test_json_version2.py.
+# Results and certificates with the minima of their problems, see test_stored_files.py.
 FILES = {
     "hill.result.json": -0.125,
     "each_region1.result.json": -1.0,
@@ -71,7 +71,7 @@ def mutated(text: str, rng: random.Random) -> str:
 
 
 def texts(name: str) -> list[str]:
-    """A file of version 2, and the same as version 3."""
+    """A file that is stored, and the same as it is written today."""
     return [(FOLDER / name).read_text(), sp.to_json(sp.read_json(FOLDER / name))]
 
 

@@ -97,7 +97,8 @@ LOW, HIGH = np.array([1 / 3, -2 / 3]), np.array([2 / 3, -1 / 3])  # no digits en
 ENDS: dict[str, tuple[Callable[[Any], str], dict[str, Any]]] = {
     "step band": (
         setid.StepBand.summary,
-        {"kind": "proved", "output": 1, "input": 1, "report": None, "later": (1 / 3, 2 / 3)},
+        {"kind": "proved", "output": 1, "input": 1, "report": None, "later": (1 / 3, 2 / 3)}
+        | {"recursion": ""},
     ),
     "zeros": (repr_of(control.Undershoot), {"verdict": "none", "zeros": ((1 / 3, 2 / 3),)}),
     "zeros below zero": (

@@ -13,7 +13,7 @@ from typing import Any
 
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.files import read_text, write_text
-from sparsepop_py.io.json_files import codecs, version2
+from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import Codec
 from sparsepop_py.io.json_files.rational import (
@@ -31,7 +31,7 @@ from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION, _READ = "sparsepop-py", 6, (2, 3, 4, 5, 6)
+_FORMAT, _VERSION, _READ = "sparsepop-py", 6, (3, 4, 5, 6)
 _RAYS = 4  # the version from which results have rays
 Value = Problem | Certificate | Result | RationalProblem | RationalCertificate | RationalResult
 
@@ -73,10 +73,7 @@ def to_json(value: Value) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`, of this version or of versions 2 to 4.
-
-    The certificate of a result of version 2 gets the fingerprint of today, if it had that of
-    the result's problem. A certificate alone keeps its own: ``verify`` knows it.
+    """Read the JSON text of :func:`to_json`, of this version or of versions 3 to 5.
 
     Parameters
     ----------
@@ -116,25 +113,11 @@ def from_json(source: str) -> Any:
     for known, codec, since in _KINDS.values():
         if name == known and version >= since:
             content = codecs.field_of(found, name, "JSON")
-            if version == 2:
-                _upgrade(name, content)
             if name == "result" and version < _RAYS:
                 codecs.fields_of(content, name).setdefault("ray", None)
             return codec.read(content, name)
     known_here = [kind for kind, _, since in _KINDS.values() if version >= since]
     raise codecs.wrong("JSON.is", name, "one of " + ", ".join(known_here))
-
-
-def _upgrade(name: str, content: Any) -> None:
-    """Turn the content of a text of version 2 into that of today, in place."""
-    if name == "certificate":
-        version2.rename(content)
-    elif name == "result":
-        certificates = codecs.field_of(content, "certificate", name)
-        version2.rename(certificates)
-        version2.rename_skipped(content.get("options"))
-        problem = PROBLEM.read(codecs.field_of(content, "problem", name), f"{name}.problem")
-        version2.refingerprint(certificates, problem)
 
 
 def write_json(value: Value, path: str | Path) -> None:

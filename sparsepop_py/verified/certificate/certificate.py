@@ -28,7 +28,7 @@ import numpy as np
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem.problem import Problem, fingerprint_v1
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
@@ -43,7 +43,6 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sub
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
 
 Argument = Identity | LinearDual | ExactGram | ExactDual
-_OLDER = "it was written by an older version, with that version's fingerprint"
 
 
 class Verdict(NamedTuple):
@@ -274,19 +273,15 @@ class Certificate:
         -------
         Verdict
             ``ok`` is true exactly when the problem is the one that was certified and the
-            recomputed bound is at least the claimed one. A certificate of an older version
-            is recognised by the hash of that version, which different problems may share;
-            what is recomputed holds for ``problem`` all the same.
+            recomputed bound is at least the claimed one.
         """
         if not isinstance(problem, Problem):
             return Verdict(False, -np.inf, f"found {type(problem).__name__}, expected a Problem")
-        old = not self.fingerprint.startswith("v2:")
-        if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
-            reason = "the certificate belongs to another problem"
-            return Verdict(False, -np.inf, f"{reason}; {_OLDER}" if old else reason)
+        if self.fingerprint != problem.fingerprint:
+            return Verdict(False, -np.inf, "the certificate belongs to another problem")
         recomputed, _, reason = self.recompute(problem, known)
         if recomputed >= self.bound:
-            return Verdict(True, recomputed, _OLDER if old else "")
+            return Verdict(True, recomputed, "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
 
