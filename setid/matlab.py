@@ -179,6 +179,8 @@ def _kind(value: Any) -> str:
         return "text"
     if isinstance(value, np.ndarray) and value.dtype == object:
         return "a cell array"
+    if np.iscomplexobj(value):
+        return "complex numbers"
     return "numbers" if np.size(value) != 1 else "a number"
 
 
@@ -210,7 +212,8 @@ def _reals(value: Any, name: str) -> NDArray[np.float64]:
             return np.asarray(value, float)
     except ValueError:
         pass
-    raise SetidError(f"{name}: found {_kind(value)}, expected numbers")
+    real = "real " if np.iscomplexobj(value) else ""
+    raise SetidError(f"{name}: found {_kind(value)}, expected {real}numbers")
 
 
 def _columns(value: Any, name: str) -> NDArray[np.float64]:

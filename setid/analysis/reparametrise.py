@@ -25,7 +25,7 @@ from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.damaged_texts import check_fields, refused
-from setid.result.identification import Identification
+from setid.result.identification import WORST_FIRST, Identification
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import optional, parsed
@@ -79,6 +79,19 @@ class Reparametrisation:
     def empty(self) -> bool:
         """True if it is proved that no parameters are consistent."""
         return all(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
+
+    @property
+    def status(self) -> IntervalStatus:
+        """The least settled status of all physical parameters."""
+        found = {item.status for item in self.intervals.values()}
+        return next(status for status in WORST_FIRST if status in found)
+
+    def summary(self) -> str:
+        """Write the table, what the status means, and what is taken for granted."""
+        lines = [self.table(), f"{self.status}: {self.status.message}"]
+        lines += [f"note: {text}" for text in self.notes]
+        granted = [*self.identification.assumptions, f"prior: {self.physical!r}"]
+        return "\n".join([*lines, "taken for granted:", *(f"- {text}" for text in granted)])
 
     def table(self) -> str:
         """Write the intervals as text, one row a parameter; outer ends rounded outwards."""

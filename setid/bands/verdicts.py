@@ -68,6 +68,8 @@ class BandReport:
         """One sentence for people."""
         ratio = rounded(self.ratio, True, 3)
         size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
+        if np.isnan(self.ratio) and self.verdict in ("tight", "wide"):
+            return f"nothing attained to compare the proved width with ({size})"
         if self.verdict == "tight":
             text = f"proved width at most {ratio} times the attained one ({size})"
             if self.ratio > _EXPLAINED:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from setid.options import Options
     from setid.result.reports import Remarks
 
-__all__ = ["Identification"]
+__all__ = ["WORST_FIRST", "Identification"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -128,7 +128,7 @@ class Identification(FeasibleSet):
     def status(self) -> IntervalStatus:
         """The least settled status of all parameters."""
         found = {interval.status for interval in self.intervals.values()}
-        return next(status for status in _WORST_FIRST if status in found)
+        return next(status for status in WORST_FIRST if status in found)
 
     @property
     def interrupted(self) -> bool:
@@ -632,7 +632,7 @@ class Identification(FeasibleSet):
         return "<Identification: " + "; ".join(lines) + ">"
 
 
-_WORST_FIRST = (
+WORST_FIRST = (
     IntervalStatus.EMPTY,
     IntervalStatus.UNIDENTIFIABLE,
     IntervalStatus.UNBOUNDED,

@@ -364,3 +364,12 @@ def test_a_box_about_intervals_leaves_out_nothing_that_is_proved() -> None:
     near = setid.Physical({"K": (-9, 9)}, [f"K = a1/(b0 - {least!r})"])  # zero at a proved end
     with pytest.raises(setid.PriorError, match="the sign of the denominator"):
         with_relations(known.formulation, near, known.intervals)
+
+
+def test_a_summary_has_status_and_assumptions() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    known = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    found = setid.reparametrise(known, setid.Physical({"K": (0, 10)}, ["b0 = K*(1 + a1)"]))
+    assert str(found.status) == "certified"
+    for text in (found.table(), "certified: Proved", "b0 = K*(1 + a1)", *known.assumptions):
+        assert text in found.summary()
