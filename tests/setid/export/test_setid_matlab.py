@@ -69,7 +69,6 @@ def test_wrong_input_comes_back_as_a_text(tmp_path: Path) -> None:
     ("place", "value", "why"),
     [
         (0, "abc", "u: found text, expected numbers"),
-        (0, np.array([1j, 2.0]), "u: found complex numbers, expected real numbers"),
         (2, [1.0, 2.0], "Ts: found 2 numbers, expected one"),
         (3, np.inf, "na: found [[inf]], expected integers"),
         (6, "x", "noise: found text, expected a struct"),
