@@ -25,6 +25,7 @@ from ..files.reading import (
 )
 from ..result import NotProved, shown
 from .driven import bounded_by
+from .fewer_priors import bounded_with_fewer
 from .linear_rows import Ends, bound_rows, combined, move
 from .parameter_box import proved_box
 from .structure import ZERO, Record, Structure, Terms
@@ -55,7 +56,8 @@ class Identification:
             raise Malformed("given: not two ends for each parameter")
         self._number()
         self.structure = self._stated(item(found, "structure", "file"))
-        self.driven = _with_rows_of(found)
+        self.driven = _inside(found, "driven", ("driven", "fewer_priors"))
+        self.fewer = _inside(found, "fewer_priors", ("fewer_priors",))
         self.taken: list[str] = []  # what is not checked
         self.stated: list[str] = []  # rows that are part of the question
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
@@ -170,6 +172,10 @@ class Identification:
         size = sum(map(abs, terms.values())) or Fraction(1)
         return c.kind, frozenset((word, value / size) for word, value in terms.items())
 
+    def every_row(self) -> set[Any]:
+        """All rows in names of unknowns, for structures whose rows are not built here."""
+        return {self._named(c) for c in self.problem.constraints}
+
     def _shown(self, c: Constraint) -> str:
         """A row of a prior or a set of noise, in the units of the record."""
         if c.side:
@@ -256,6 +262,8 @@ class Identification:
         self.taken += why
         if self.driven is not None:
             box = bounded_by(self.driven, self, box)
+        if self.fewer is not None:
+            box = bounded_with_fewer(self.fewer, self, box)
         empty = any(a > b for a, b in zip(*box, strict=True))
         used = {v for c in self.problem.constraints for w in c.polynomial.terms for v in w}
         for v in range(len(self.names)):
@@ -393,15 +401,17 @@ class Identification:
         return [f"{line}, attained from {shown(a)} to {shown(b)}"]
 
 
-def _with_rows_of(found: Any) -> Identification | None:
+def _inside(found: Any, field: str, without: tuple[str, ...]) -> Identification | None:
     """Read an identification of the same record inside of another one; None where there is none."""
-    given = found.get("driven")
+    given = found.get(field)
     if given is None:
         return None
     if not isinstance(given, dict):
-        raise Malformed("driven: no object")
+        raise Malformed(f"{field}: no object")
+    if any(given.get(name) is not None for name in without):
+        raise Malformed(f"{field}: an identification inside of it")
     shared = {name: item(found, name, "file") for name in ("record", "noise")}
-    return Identification({**given, **shared, "driven": None})
+    return Identification({**given, **shared})
 
 
 def times_terms(one: Terms, other: Terms) -> Terms:

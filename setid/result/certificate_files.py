@@ -44,7 +44,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 7
+_FORMAT, _VERSION = "setid", 8
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -63,8 +63,8 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     Raises
     ------
     SetidError
-        If the result rests on another one, with a normalisation (``unidentifiable="report"``) or
-        with fewer priors: write that.
+        If the result rests on another one, with a normalisation (``unidentifiable="report"``):
+        write that.
 
     Examples
     --------
@@ -79,10 +79,6 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     claims = result.evidence
     if claims.reference is not None:
         raise SetidError("result: found one that rests on its reference, expected result.reference")
-    if claims.fewer_priors is not None:
-        raise SetidError(
-            "result: found ends that are proved with fewer priors, expected result.fewer_priors"
-        )
     return {
         "format": _FORMAT,
         "version": _VERSION,
@@ -116,6 +112,7 @@ def _own(claims: Evidence) -> dict[str, Any]:
         "given": [[_number(v) for v in ends] for ends in start],
         "box": None if claims.box is None else _box(claims.box, formulation, start),
         "driven": None if claims.driven is None else _own(claims.driven),
+        "fewer_priors": None if claims.fewer_priors is None else _own(claims.fewer_priors),
         "linear": [_linear_bound(bound) for bound in claims.bounds],
         "ends": [_end(item) for item in claims.ends],
         "intervals": [

@@ -1,0 +1,46 @@
+"""Parameters bounded with some of the priors alone.
+
+A prior only leaves out parameters: what is proved without it holds with it. So an identification of
+the same record and structure, in which nothing is given beside what is given here, bounds these
+parameters too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..arithmetic.polynomial import INF
+from ..files.reading import item, items, number
+from ..result import NotProved
+from .linear_rows import Ends, met
+
+
+def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
+    """Shrink a box by an identification in which less is given."""
+    shown = [found.structure and found.structure.shown for found in (about, inner)]
+    if shown[0] != shown[1] or (inner.told, inner.names) != (about.told, about.names):
+        raise NotProved("fewer_priors: rows of another structure")
+    inner.check()
+    about.taken += inner.taken
+    check_given(about, inner)
+    if inner.empty:
+        return [[INF] * len(about.names), [-INF] * len(about.names)]
+    outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
+    return met(box, [number(a, "outer") for a, _ in outer], [number(b, "outer") for _, b in outer])
+
+
+def check_given(about: Any, inner: Any) -> None:
+    """Check that nothing is given inside beside what is given around it."""
+    for v, name in enumerate(about.names):
+        low, high = (side[v] for side in about.given)
+        if inner.given[0][v] > low or inner.given[1][v] < high:
+            raise NotProved(f"fewer_priors: {name} is bounded more than is given")
+    rows = [found.asked if found.structure else found.every_row() for found in (about, inner)]
+    if not rows[1] <= rows[0]:
+        raise NotProved("fewer_priors: a row that is not given")
+    groups = {group for group, _, _ in inner.record.letters} - {"theta"}
+    known = about.bounds_of(*groups)
+    for name, (low, high) in inner.bounds_of(*groups).items():
+        a, b = known.get(name, (-INF, INF))
+        if low > a or high < b:
+            raise NotProved(f"fewer_priors: {name} is bounded more than is given")
