@@ -250,7 +250,7 @@ def upright(cone: Cone) -> Cone | None:
 
 
 class Tree:
-    """Cones of one output, parted, with what multipliers say of them."""
+    """Cones of one output, split, with what multipliers say of them."""
 
     def __init__(self, step: Any, regression: Regression) -> None:
         kinds = {"output": "i", "stable": "b", "free": "l", "multipliers": "l", "nodes": "l"}
@@ -280,8 +280,8 @@ class Tree:
             seen.add(place)
             inside, leaf = self._limited(place, cone, inside), _leaf(node)
             if children:
-                alike("box.nodes: a cone is parted in two", children, "ab")
-                pairs = zip(children, _parted(cone, node), strict=True)
+                alike("box.nodes: a cone is split in two", children, "ab")
+                pairs = zip(children, _split(cone, node), strict=True)
                 waiting += [(child, part, inside) for child, part in pairs]
             elif not (leaf.powers and holds(self.table, leaf, cone, self.stable, None)):
                 yield self._monic(cone, inside)
@@ -339,7 +339,7 @@ def _leaf(found: Any) -> Leaf:
     return Leaf(family, powers, [Fraction(finite(v, "box.nodes")) for v in found.minors])
 
 
-def _parted(cone: Cone, node: Any) -> tuple[Cone, Cone]:
+def _split(cone: Cone, node: Any) -> tuple[Cone, Cone]:
     """The parts of a cone on both sides of a vector on an edge."""
     alike("box.nodes: an edge has two ends", node.edge, node.weights, "ab")
     i, j, one, two = (whole(v, "box.nodes") for v in (*node.edge, *node.weights))

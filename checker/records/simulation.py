@@ -298,7 +298,7 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
             continue
         if any(not place < whole(child, "box") < len(got.nodes) for child in node.children):
             raise Malformed("box: children that do not come later")
-        alike("box: a node is parted in two", node.children, "ab")
+        alike("box: a node is split in two", node.children, "ab")
         below([node.split], len(region.low + region.least), "box.split")
         low, high, at = region.low + region.least, region.high + region.most, down(node.at)
         first, second = list(high), list(low)

@@ -1,4 +1,4 @@
-"""Arcs on which regions of a frequency response are narrow: halved, and parted into cells.
+"""Arcs on which regions of a frequency response are narrow: halved, and split into cells.
 
 Everything here only guides: regions are proved by :mod:`setid.proofs.frequency.arc_regions`, cells
 by :mod:`setid.proofs.cells.cells`.

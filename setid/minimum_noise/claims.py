@@ -58,7 +58,7 @@ def claimed(
         The factor that each cell refutes, before rounding.
     best : sequence of (n,) float
     """
-    leaves = [n for n, cell in enumerate(claim.cells) if not _is_parted(cell)]
+    leaves = [n for n, cell in enumerate(claim.cells) if not _is_split(cell)]
     factor = min(proved[number] for number in leaves)
     nothing = FoundDenominators(0.0, None, tuple(best))
     if not 0.0 < factor < np.inf:
@@ -75,7 +75,7 @@ def claimed(
     return nothing
 
 
-def _is_parted(cell: Cell | VaryingLeaf) -> bool:
+def _is_split(cell: Cell | VaryingLeaf) -> bool:
     return isinstance(cell, Cell) and bool(cell.children)
 
 

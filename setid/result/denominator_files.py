@@ -58,8 +58,8 @@ def _multiplier(values: NDArray[np.float64]) -> dict[str, Any]:
 def _node(cell: Cell | VaryingLeaf) -> dict[str, Any]:
     if isinstance(cell, Cell):
         assert cell.children
-        parted = {"children": cell.children, "edge": cell.edge, "weights": cell.weights}
-        return {name: list(value) for name, value in parted.items()} | _family((), (), ())
+        split = {"children": cell.children, "edge": cell.edge, "weights": cell.weights}
+        return {name: list(value) for name, value in split.items()} | _family((), (), ())
     assert cell.shares in ((), (1.0,))
     family = cell.used[0] if cell.used else ()
     nothing: dict[str, Any] = {"children": [], "edge": [], "weights": []}

@@ -335,7 +335,7 @@ def test_rows_ask_for_what_the_record_has():
 
 
 @pytest.mark.parametrize("weights", [[-1, 3], [1, -3], [0, 1], [1]])
-def test_cones_are_parted_between_two_vectors(weights):
+def test_cones_are_split_between_two_vectors(weights):
     known = about(FIRST, [[1.0, 2.0, 4.0]], [0.5, 1.0, 2.0], 0.1)
     whole = node(children=[1, 2], edge=[0, 1], weights=weights)
     made = step([], [2], [whole, node(), node()], stable=True)

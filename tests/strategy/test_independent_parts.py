@@ -33,7 +33,7 @@ def ring_and_hyperbola() -> tuple[sp.Problem, list[sp.Polynomial], list[float]]:
     return problem, [x, -x, u, -u, u + v, x + y], [near, -far, 0.25, -4.0, 2.0, near + far]
 
 
-def test_a_problem_is_parted_where_no_constraint_joins_it():
+def test_a_problem_is_split_where_no_constraint_joins_it():
     problem, objectives, _ = ring_and_hyperbola()
     assert parts_of(problem, objectives) == [[0, 1, 5], [2, 3, 4]]
     x, u = objectives[0], objectives[2]

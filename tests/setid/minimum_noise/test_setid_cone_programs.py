@@ -530,7 +530,7 @@ def test_programs_that_come_slowly_are_left() -> None:
 @pytest.mark.parametrize(
     ("other", "own", "weight"), [(2.0, 0.4, 0.4), (2.0, 0.5, 0.8**0.5), (0.3, 0.4, 0.8**0.5)]
 )
-def test_an_edge_that_is_parted_without_avail_counts_less(
+def test_an_edge_that_is_split_without_avail_counts_less(
     other: float, own: float, weight: float
 ) -> None:
     """One part is refuted and the other as hard as its whole: half of the weight of 0.8."""

@@ -10,7 +10,7 @@ from setid.minimum_noise.cones.edges import changing_edge
 FILTERED, ONES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.2, 0.8]]), np.ones(3)
 
 
-def test_without_a_dual_solution_the_longest_edge_is_parted_in_the_middle() -> None:
+def test_without_a_dual_solution_the_longest_edge_is_split_in_the_middle() -> None:
     """Distances by hand: 2 from the first vector to each other one, 1.6 between these."""
     assert changing_edge(FILTERED, ONES, ONES) == (0, 1, (1, 1))
 

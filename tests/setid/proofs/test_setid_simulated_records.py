@@ -147,7 +147,7 @@ def noisy(samples: int = 130, bound: float = 0.05) -> setid.IOData:
     return setid.IOData(u, y + bound * random.uniform(-1.0, 1.0, samples))
 
 
-def test_regions_are_parted_only_where_the_first_one_reaches_near_the_attained_ends() -> None:
+def test_regions_are_split_only_where_the_first_one_reaches_near_the_attained_ends() -> None:
     known = formulated(noisy(), output=0.05)
     box, parts = find_box(known), recursion_of(known)
     reached = simulated_ends(known, parts, box, Deadline(60.0))
