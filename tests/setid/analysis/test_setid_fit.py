@@ -145,7 +145,7 @@ def test_boxes_that_are_not_finite_are_not_kept(monkeypatch: pytest.MonkeyPatch)
     def few(formulation: setid.Formulation, until: float = np.inf) -> CellBox | None:
         return cell_box(formulation, start_of(formulation), until, rounds=0)
 
-    monkeypatch.setattr("setid.analysis.fit.find_box", few)
+    monkeypatch.setattr("setid.analysis.output_fit.find_box", few)
     u = np.random.default_rng(1).uniform(-1.0, 1.0, 30)
     model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, "gamma1", initial="zero")
     noise = setid.Noise(output=0.01)
@@ -159,7 +159,7 @@ def test_no_engine_is_asked_when_the_time_is_over(monkeypatch: pytest.MonkeyPatc
     def asked(*arguments: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("setid.analysis.fit._by_engine", asked)
+    monkeypatch.setattr("setid.analysis.output_fit._by_engine", asked)
     u, y = np.random.default_rng(8).uniform(-1.0, 1.0, (2, 60))
     options = setid.Options(time_limit=1e-3, progress=False)
     found = setid.fit(setid.IOData(u, y), setid.TransferFunction(2, 2, 1), "l1", options=options)

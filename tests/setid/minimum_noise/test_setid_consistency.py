@@ -264,7 +264,7 @@ def test_cells_are_searched_with_one_thread_and_the_executor(
         monkeypatch.setattr(module, "least_output_noise", least)
 
     seeing("setid.consistency")
-    seeing("setid.analysis.fit")
+    seeing("setid.analysis.output_fit")
     settings = setid.Options(time_limit=20.0, tol=0.1, progress=False)
     with threadpool_limits(2, "blas"), Processes(2) as pool:
         setid.consistency(

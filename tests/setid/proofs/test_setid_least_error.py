@@ -150,7 +150,7 @@ def engine_fit(request: pytest.FixtureRequest) -> setid.Fit:
     """A fit whose bound is the engine's: cones of denominators are not asked."""
     with pytest.MonkeyPatch.context() as patch:
         nothing = FoundDenominators(0.0, None, ())
-        patch.setattr("setid.analysis.fit._refuted", lambda *given: nothing)
+        patch.setattr("setid.analysis.output_fit._refuted", lambda *given: nothing)
         return setid.fit(record(), MODEL, request.param, options=QUICK)
 
 

@@ -1,0 +1,291 @@
+"""Least output errors: a local fit, cones of denominators below it, and the engine between.
+
+A fit of the simulation gives parameters and an error. Cones of denominators refute smaller errors
+of a single output. Where a gap is left the engine minimises over the parameters whose errors are
+within the radius of the fit; where priors leave none of these, larger radii are tried.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.record import IOData
+from setid.feasible_points.fits.output_error import (
+    least_error_at,
+    least_largest_error,
+    output_error_fit,
+)
+from setid.feasible_points.fits.separate_denominators import has_separate_denominators
+from setid.feasible_set.start import find_box
+from setid.formulation.formulation import Formulation, without_partial_outputs
+from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.denominators import least_output_noise
+from setid.minimum_noise.fits import fit_of_denominator
+from setid.minimum_noise.separate_noise import separate_noise
+from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
+from setid.options import Options
+from setid.proofs.existence import proved_point
+from setid.proofs.least_noise.least_error import (
+    Norm,
+    OutputErrors,
+    attained_norm,
+    error_rows,
+    in_units_of,
+    output_bound,
+    stated,
+    verify_output,
+)
+from sparsepop_py.budget import Deadline
+
+__all__ = ["FoundOutputErrors", "least_output_errors"]
+
+Reals = NDArray[np.float64]
+
+_MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
+_ULPS = 1e-12  # by which a value may change where its proof is repeated
+_ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
+_CELLS = 0.5  # of the time, for cones of denominators
+_PART = 0.5  # of the tolerance, for them
+_WIDER = 12  # times that larger errors are tried, each by twice the factor of the one before
+_STARTS = 3  # denominators of a search that are fitted
+
+
+class FoundOutputErrors(NamedTuple):
+    """Parameters with the least error that was found, and a proved lower bound.
+
+    Parameters
+    ----------
+    model : Structure
+        In the form that was searched.
+    theta : (p,) float
+    outputs : (N, ny) float
+        Of the simulation.
+    error : float
+    attained : bool
+        Whether the error is proved to be attained.
+    lower_bound : float
+    evidence : OutputErrors or None
+    """
+
+    model: Structure
+    theta: Reals
+    outputs: Reals
+    error: float
+    attained: bool
+    lower_bound: float
+    evidence: OutputErrors | None
+
+
+def least_output_errors(
+    data: IOData, model: Structure, norm: Norm, priors: tuple[Any, ...], settings: Options
+) -> FoundOutputErrors:
+    """Search the parameters of least output error, and bound it from below.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+    norm : {"linf", "l2", "l1"}
+    priors : tuple of priors and constraints
+    settings : Options
+    """
+    until = settings.deadline()
+    formulation = without_partial_outputs(stated(data, model, priors, 1.0), from_rest=True)
+    model = formulation.model
+    local = output_error_fit(data, model, until)
+    refuted = _refuted(formulation, norm, settings, until)
+    fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
+    fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
+    theta, outputs = fits[0]
+    known: OutputErrors | None = None
+    for one in fits:
+        found = _known(data, model, norm, priors, one, refuted)
+        if found is not None and found.attained is not None:
+            known, (theta, outputs) = found, one
+            break
+        known = known or found
+    error, low, attained = _norm(data.y - outputs, norm), 0.0, False
+    if known is not None:
+        late = time.monotonic() >= until
+        if not late and (known.attained is None or known.level < (1.0 - settings.tol) * error):
+            known = _by_engine(known, outputs, (theta, settings, until))
+        low = output_bound(known)
+        if known.attained is not None:
+            value = known.attained.value
+            claimed = attained_norm(known, value + _ULPS * abs(value))
+            if verify_output(known, 0.0, claimed):
+                attained, error = True, claimed
+                theta, outputs = _of_point(known, known.attained)
+    return FoundOutputErrors(model, theta, outputs, error, attained, min(low, error), known)
+
+
+def _of_denominators(
+    formulation: Formulation, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
+) -> list[tuple[Reals, Reals]]:
+    """Fit the other parameters for the denominators of a fit and of a search; single outputs."""
+    data, model = formulation.data, formulation.model
+    rows = error_rows(formulation, norm, 1.0)
+    if rows is None or not isinstance(model, TransferFunction):
+        return []
+    if has_separate_denominators(model):
+        apart = separate_noise(formulation, until) if norm == "linf" else None
+        return [] if apart is None else [apart]
+    places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
+    if not best and norm == "linf" and time.monotonic() < until:
+        best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
+    found: list[tuple[Reals, Reals]] = []
+    for denominator in [theta[places], *best[:_STARTS]]:
+        if found and time.monotonic() >= until:
+            break
+        fitted = fit_of_denominator(data, model, rows, denominator)
+        found.append(fitted or least_error_at(data, model, norm, denominator, until))
+    return found
+
+
+def _known(
+    data: IOData,
+    model: Structure,
+    norm: Norm,
+    priors: tuple[Any, ...],
+    fitted: tuple[Reals, Reals],
+    refuted: FoundDenominators,
+) -> OutputErrors | None:
+    """State the least error within that of a fit, and prove that it is attained, if it can be."""
+    theta, outputs = fitted
+    radius = float(_norm(data.y - outputs, norm) * (1.0 + _MARGIN))
+    if not 0.0 < radius < inf:
+        return None
+    formulation, level = stated(data, model, priors, radius), refuted.factor
+    known = OutputErrors(norm, radius, formulation, None, None, None, level, refuted.cells)
+    return replace(known, attained=_at_fit(known, theta, outputs))
+
+
+def _refuted(
+    formulation: Formulation, norm: Norm, settings: Options, until: float
+) -> FoundDenominators:
+    """Refute errors by cones of denominators, where there is one output."""
+    rows = error_rows(formulation, norm, 1.0)
+    if rows is None or rows.order == 0:
+        return FoundDenominators(0.0, None, ())
+    left = None if until == inf else _CELLS * max(until - time.monotonic(), 1e-3)
+    return least_output_noise(rows, 0, _PART * settings.tol, Deadline(left))
+
+
+def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0) -> Reals:
+    """All unknowns of the problem of the least error at a fit; sizes with some room."""
+    formulation, norm = known.formulation, known.norm
+    numbers = formulation.layout.group("eta")
+    errors = (formulation.data.y - outputs)[numbers >= 0]
+    x = np.zeros(formulation.problem.dimension)
+    x[formulation.layout.group("theta")] = theta
+    x[numbers[numbers >= 0]] = errors
+    if norm == "l2":
+        return x
+    sizes = np.abs(errors) if norm == "l1" else np.abs(errors).max(keepdims=True)
+    return np.concatenate([x, sizes + room * float(np.abs(errors).max())])
+
+
+def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint | None:
+    """Prove that the error of a fit is attained."""
+    scaled = in_units_of(known)
+    x = _vector(known, theta, outputs, _ROOM) / scaled.units
+    return proved_point(known.formulation, scaled.problem, x)
+
+
+def _by_engine(
+    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+) -> OutputErrors:
+    """Bound and attain the least error, from the local fit.
+
+    Where priors leave no parameters within the error of the local fit, larger errors are tried.
+    """
+    theta, settings, until = rest
+    found = _minimised(known, outputs, rest)
+    for step in range(_WIDER):
+        if output_bound(found) < found.radius or time.monotonic() >= until:
+            break
+        radius = found.radius * 2.0 ** (step + 1)
+        if found.attained is not None:  # beyond the radius, which samples alone obey
+            theta, outputs = _of_point(found, found.attained)
+            radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
+        wider = _minimised(_within(found, radius), outputs, (theta, settings, until))
+        if wider.attained is None and output_bound(wider) < output_bound(found):
+            break  # time ended, or the box is not finite: what was proved is kept
+        found = wider
+    if found.radius > known.radius and found.attained is not None and time.monotonic() < until:
+        theta, outputs = _of_point(found, found.attained)
+        error = attained_norm(found, found.attained.value)
+        if output_bound(found) >= (1.0 - settings.tol) * error:
+            return found
+        again = _minimised(
+            _within(found, error * (1.0 + _MARGIN)), outputs, (theta, settings, until)
+        )
+        if again.attained is not None and output_bound(again) >= output_bound(found):
+            return again
+    return found
+
+
+def _within(known: OutputErrors, radius: float) -> OutputErrors:
+    """State the same claim for errors within another radius, without its evidence."""
+    old = known.formulation
+    formulation = stated(old.data, old.model, old.priors, radius)
+    level, cells = known.level, known.cells
+    return OutputErrors(known.norm, radius, formulation, None, None, None, level, cells)
+
+
+def _minimised(
+    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+) -> OutputErrors:
+    """Minimise the error over the box of its radius; as it was without a finite box."""
+    theta, settings, until = rest
+    given, known = known, replace(known, box=find_box(known.formulation, until), attained=None)
+    if known.box is not None and known.box.empty:
+        return known
+    scaled = in_units_of(known)
+    lower, upper = scaled.problem.lower, scaled.problem.upper
+    p = len(known.formulation.parameters)
+    if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
+        return given
+    point = _at_fit(known, theta, outputs)
+    start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
+    left = None if until == inf else max(until - time.monotonic(), 1e-3)
+    size = 2.0 * known.radius**2 if known.norm == "l2" else known.radius  # for a relative gap
+    options = sp.Options(
+        effort="auto",
+        gap=settings.tol * size / scaled.factor,
+        gap_kind="absolute",
+        solver=settings.solver,
+        time_limit=left,
+    )
+    found = sp.solve(scaled.problem, options, start=start)
+    best = found.attained
+    if best is None or (point is not None and point.value < best.value):
+        best = point
+    return replace(known, certificate=found.certificate, attained=best)
+
+
+def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> tuple[Reals, Reals]:
+    """Parameters and noise-free outputs of a point of the problem in units."""
+    formulation = known.formulation
+    x = point.x * in_units_of(known).units
+    numbers = formulation.layout.group("eta")
+    outputs = np.where(
+        numbers >= 0, formulation.data.y - x[np.where(numbers >= 0, numbers, 0)], np.nan
+    )
+    return np.asarray(x[formulation.layout.group("theta")], np.float64), outputs
+
+
+def _norm(errors: Reals, norm: Norm) -> float:
+    size = np.abs(errors[~np.isnan(errors)])
+    if norm == "l2":
+        return float(np.linalg.norm(size))
+    return float(size.sum() if norm == "l1" else size.max())
