@@ -23,7 +23,7 @@ Nothing here rests on a solver: every enclosure is computed with its rounding er
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
@@ -33,15 +33,21 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.models.block import BlockStructured
 from setid.proofs.cells.arithmetic import CellRows, Enclosed, Fitted, enclosed, fitted, rows_of
-from setid.proofs.cells.parts import Column, Parts, can_start, parts_of, with_impulses
+from setid.proofs.cells.cell_normalisation import converted, divided
+from setid.proofs.cells.cell_signals import signal_bounds
+from setid.proofs.cells.parts import (
+    Column,
+    Parts,
+    can_start,
+    parts_of,
+    row_noise,
+    with_impulses,
+)
 from setid.proofs.cells.unknown_start import depth, free_rows
 from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
-from sparsepop_py.verified.arithmetic.scalar_interval import Ends
 from sparsepop_py.verified.uncertain_rows.box import Bounds
-from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
 __all__ = ["CellBox", "cell_box", "drive_of"]
 
@@ -55,8 +61,6 @@ _AT_ONCE_FREE = 1000  # where rows share their noise
 _MOST_LEFT = 20_000  # cells in which parameters behind the map are bounded
 _ROUNDS = 60
 _PRUNING = (12, 24, 40)  # samples that decide about cells, at first and once cells are fine
-_NUMBERS = 400_000  # of slopes of the internal signal at a time, in all of its samples
-_FAR = 1e100  # of a signal: what says nothing
 _FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
 
 
@@ -188,7 +192,7 @@ class _Covering(NamedTuple):
         samples = formulation.data.samples
         if self.fit is None or not self.kept.size:
             return np.array([np.full(samples, np.inf), np.full(samples, -np.inf)])
-        return _signal(self.parts, formulation, self.cells, self.fit, self.kept, until)
+        return signal_bounds(self.parts, formulation, self.cells, self.fit, self.kept, until)
 
 
 def _covered(
@@ -205,7 +209,7 @@ def _covered(
     if not np.all(np.isfinite(poles)):
         return None
     data = formulation.data
-    noise = _row_noise(formulation)
+    noise = row_noise(formulation)
     known = ~np.isnan(data.y[:, 0])
     for lag in range(1, len(parts.past) + 1):
         known[lag:] &= ~np.isnan(data.y[:-lag, 0])
@@ -214,8 +218,20 @@ def _covered(
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
     left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
-    hull, kept = _converted(parts, formulation, start, left, fit)
+    if len(left) > _MOST_LEFT:
+        hull, kept = _poles_alone(parts, formulation, start, left), np.arange(len(left))
+    else:
+        hull, kept = converted(parts, formulation, start, left, fit)
     return _Covering(parts, left, fit, kept, hull, spent + used)
+
+
+def _poles_alone(parts: Parts, formulation: Formulation, start: Reals, cells: Reals) -> Reals:
+    """The hull (2, p) of many cells, of which no single one is asked about the map."""
+    hull, place = start.copy(), {name: i for i, name in enumerate(formulation.parameters)}
+    for i, name in enumerate(parts.poles):
+        hull[0, place[name]] = max(start[0, place[name]], cells[:, 0, i].min())
+        hull[1, place[name]] = min(start[1, place[name]], cells[:, 1, i].max())
+    return hull
 
 
 def _usable_rows(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -263,14 +279,14 @@ def _measured(
     if parts.initial:
         pole = Interval(cells[:, 0, :1], cells[:, 1, :1])
         signal = Interval(down(found.centre - found.radius), up(found.centre + found.radius))
-        known = y[:upto], noise[:upto], _row_noise(formulation)[:upto]
+        known = y[:upto], noise[:upto], row_noise(formulation)[:upto]
         drive = drive_of(cells[:, :, 1:], drives, spread)
         given = free_rows(pole, drive, signal, rows, columns, len(parts.past), *known)
         return found, given, fitted(given)
     lags = np.arange(1, len(parts.past) + 1)
     before = rows[:, None] - lags
     past = -np.where(before < 0, 0.0, y[before]), np.where(before < 0, 0.0, noise[before])
-    given = rows_of(found, rows, columns, past, y[rows], _row_noise(formulation)[rows])
+    given = rows_of(found, rows, columns, past, y[rows], row_noise(formulation)[rows])
     return found, given, fitted(given)
 
 
@@ -292,7 +308,7 @@ def _own(parts: Parts, cells: Reals, fit: Fitted) -> Fitted:
     for m, column in enumerate(parts.columns, len(parts.past)):
         if column.power == 1:
             ends = np.stack([gamma[:, m] - radius[:, m], gamma[:, m] + radius[:, m]], axis=1)
-            low, high = _divided(ends, below).T
+            low, high = divided(ends, below).T
             some = np.isfinite(low) & np.isfinite(high)
             low, high = np.where(some, low, 0.0), np.where(some, high, 0.0)
             gamma[:, m] = np.where(some, 0.5 * low + 0.5 * high, gamma[:, m])
@@ -317,12 +333,6 @@ def drive_of(numerator: Reals, drives: Reals, spread: Reals) -> Interval:
         sample = Interval(down(drives[i] - spread[i]), up(drives[i] + spread[i]))
         total = total + weight * Interval(sample.lo[None], sample.hi[None])
     return total
-
-
-def _row_noise(formulation: Formulation) -> Reals:
-    """Bound what output noise of the newest sample and equation errors change, (N,)."""
-    output, _, equation = formulation.noise.bounds(formulation.data)
-    return np.asarray((output[:, 0] + equation[:, 0]) * (1 + 1e-15), np.float64)
 
 
 def _pruned(
@@ -395,7 +405,7 @@ def _judged(
         if time.monotonic() >= until:
             return None
         found, given, fit = _measured(parts, formulation, part, rows)
-        noise, own = _row_noise(formulation)[rows], slice(len(parts.past), None)
+        noise, own = row_noise(formulation)[rows], slice(len(parts.past), None)
         size, radius = np.abs(fit.gamma[:, own]), fit.radius[:, own]
         effect = _effects(found, size, parts.columns, rows, noise)
         if parts.initial:
@@ -469,221 +479,3 @@ def _allowed(parts: Parts, formulation: Formulation, cells: Reals) -> NDArray[np
             most = most + np.maximum(value * ends[:, 0], value * ends[:, 1])
         good &= most >= -1e-9
     return good
-
-
-# ---- the normalisation --------------------------------------------------------------------
-
-
-def _converted(
-    parts: Parts, formulation: Formulation, start: Reals, cells: Reals, fit: Fitted | None
-) -> tuple[Reals, NDArray[np.int64]]:
-    """The hull (2, p) of all cells in the normalisation of the model; cells that are not empty."""
-    names, p = formulation.parameters, start.shape[1]
-    model = formulation.model
-    assert isinstance(model, BlockStructured)
-    hull, kept = np.array([np.full(p, np.inf), np.full(p, -np.inf)]), list[int]()
-    place = {name: i for i, name in enumerate(names)}
-    if len(cells) > _MOST_LEFT:
-        hull = start.copy()
-        for i, name in enumerate(parts.poles):
-            hull[0, place[name]] = max(start[0, place[name]], cells[:, 0, i].min())
-            hull[1, place[name]] = min(start[1, place[name]], cells[:, 1, i].max())
-        return hull, np.arange(len(cells))
-    if fit is not None:
-        factor = _factor(parts, model, cells, fit)
-        for c in range(len(cells)):
-            box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
-            if np.any(box[0] > box[1]):
-                continue
-            kept.append(c)
-            hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
-    return hull, np.array(kept, np.int64)
-
-
-def _signal(
-    parts: Parts,
-    formulation: Formulation,
-    cells: Reals,
-    fit: Fitted,
-    kept: NDArray[np.int64],
-    until: float,
-) -> Reals:
-    """Bounds (2, N) of the internal signal in some cells; infinite where time ends before all."""
-    model, samples = formulation.model, formulation.data.samples
-    assert isinstance(model, BlockStructured)
-    factor = _factor(parts, model, cells, fit)
-    low, high = np.full(samples, np.inf), np.full(samples, -np.inf)
-    size = max(_NUMBERS // (samples * cells.shape[2]), 1)
-    for begin in range(0, kept.size, size):
-        if time.monotonic() >= until:
-            return np.array([np.full(samples, -np.inf), np.full(samples, np.inf)])
-        some = kept[begin : begin + size]
-        found = enclosed(cells[some], len(parts.poles), parts.drives, parts.drive_noise)
-        z = np.stack([found.centre - found.radius, found.centre + found.radius], axis=1)
-        if parts.initial or parts.begin:
-            own = fit.gamma[some], fit.radius[some]
-            part = Fitted(*own, fit.bounded[some], fit.empty[some])
-            reach = _from_start(parts, formulation, cells[some], part)
-            z += np.stack([-reach, reach], axis=1)
-        with np.errstate(invalid="ignore", over="ignore"):
-            both = factor[some, :, None, None] * z[:, None]
-        finite = np.all(np.isfinite(both), axis=(1, 2))
-        both = np.where(finite[:, None, None], both, 0.0)
-        wide = np.where(finite, 1e-12 * np.abs(both).max(axis=(1, 2)), np.inf)
-        low = np.minimum(low, (both.min(axis=(1, 2)) - wide).min(axis=0))
-        high = np.maximum(high, (both.max(axis=(1, 2)) + wide).max(axis=0))
-    return np.array([low, high])
-
-
-def _from_start(parts: Parts, formulation: Formulation, cells: Reals, fit: Fitted) -> Reals:
-    """Bound what z has besides the response from rest, (C, N); infinite where no row tells.
-
-    A row holds one sample of z alone, and its square cannot be larger than what the others let.
-    """
-    count, samples = len(cells), formulation.data.samples
-    found, past = np.full((count, samples), np.inf), len(parts.past)
-    lags = {column.lag for column in parts.columns}
-    degree = max(column.power for column in parts.columns)
-    unknown = parts.initial or parts.begin or 0
-    if not parts.initial:
-        found[:, unknown:] = 0.0
-    if len(lags) > 1 or degree > 2:
-        return found
-    size, radius = np.abs(fit.gamma) * (1 + 1e-15), fit.radius * (1 + 1e-15)
-    most, least = size + radius, np.maximum(np.abs(fit.gamma) * (1 - 1e-15) - radius, 0.0)
-    sums = {power: np.zeros(count) for power in (0, 1, 2)}
-    for place, column in enumerate(parts.columns, past):
-        sums[column.power] += most[:, place]
-    top = [column.power for column in parts.columns].index(degree) + past
-    y = np.abs(formulation.data.y[:, 0]) + _row_noise(formulation)
-    for k in range(unknown):
-        row = k + min(lags)
-        needed = y[row - past : row + 1] if row >= past and row < samples else np.full(1, np.nan)
-        if np.any(np.isnan(needed)):
-            continue
-        right = sums[0] + needed[-1] + most[:, :past] @ needed[past - 1 :: -1][:past]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            low = least[:, top]
-            if degree == 2:
-                root = (sums[1] + np.sqrt(sums[1] ** 2 + 4.0 * low * right)) / (2.0 * low)
-            else:
-                root = right / low
-            found[:, k] = np.where(root < _FAR, root * (1 + 1e-12), np.inf)
-    far = np.abs(cells[:, :, 0]).max(axis=1)
-    for k in range(unknown, samples if parts.initial else 0):
-        with np.errstate(invalid="ignore"):
-            found[:, k] = found[:, k - 1] * far * (1 + 1e-15)
-    doubtful = np.isnan(found) | (~fit.bounded[:, None] & (found > 0.0))
-    return np.where(doubtful, np.inf, found)
-
-
-def _factor(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:
-    """Bounds (C, 2) of the factor from the face of a cell to the model's normalisation."""
-    n = len(parts.poles)
-    everything = np.tile([-np.inf, np.inf], (len(cells), 1))
-    fixed = dict(model.fixed)
-    for place, word in enumerate(parts.words):
-        if all(name in fixed for name in word):
-            goal = float(np.prod([fixed[name] for name in word]))
-            scale = np.asarray(parts.constants)[place]
-            return _divided(np.full((len(cells), 2), goal / scale), cells[:, :, n + place])
-    for m, column in enumerate(parts.columns, len(parts.past)):
-        goal = float(np.prod([fixed.get(name, 0.0) for name in column.word]))
-        if column.power == 1 and goal:
-            ends = np.stack(
-                [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
-            )
-            ends = np.sort(ends / goal, axis=1)
-            return ends + 1e-14 * np.abs(ends) * [-1.0, 1.0]
-    if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
-        top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
-        below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
-        slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
-        below = below + slack * [-1.0, 1.0]
-        return _divided(top, below)
-    return everything
-
-
-def _divided(top: Reals, below: Reals) -> Reals:
-    """Quotients of intervals (C, 2), rounded outwards; everything where zero divides."""
-    zero = (below[:, 0] <= 0) & (below[:, 1] >= 0)
-    safe = np.where(zero[:, None], 1.0, below)
-    corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    low, high = low - 1e-12 * np.abs(low), high + 1e-12 * np.abs(high)
-    return np.stack([np.where(zero, -np.inf, low), np.where(zero, np.inf, high)], axis=1)
-
-
-def _one_cell(
-    parts: Parts,
-    model: BlockStructured,
-    start: Reals,
-    cell: Reals,
-    fit: Fitted,
-    number: int,
-    factor: Reals,
-    place: Mapping[str, int],
-) -> Reals:
-    """The box of theta in one cell."""
-    n, fixed = len(parts.poles), dict(model.fixed)
-    box = start.copy()
-    for i, name in enumerate(parts.poles):
-        box[0, place[name]] = max(box[0, place[name]], cell[0, i])
-        box[1, place[name]] = min(box[1, place[name]], cell[1, i])
-    scale = (float(factor[0]), float(factor[1]))
-    ends: dict[Total, Ends] = {}
-    for i, word in enumerate(parts.words):
-        constant = float(parts.constants[i])
-        for name in word:
-            constant /= fixed.get(name, 1.0)
-        free = tuple(sorted(place[name] for name in word if name not in fixed))
-        if free and np.all(np.isfinite(scale)):
-            ends[free,] = _spread(
-                [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
-            )
-    if not fit.bounded[number]:
-        return contracted(box, ends, ())
-    ends |= _row_ends(parts, fixed, fit, number, scale, place)
-    if not parts.numerator or set(parts.numerator) & set(fixed):
-        return contracted(box, ends, ())
-    numerator, past = (
-        tuple(place[name] for name in part) for part in (parts.numerator, parts.past)
-    )
-    return contracted(box, ends, [(numerator, past)])
-
-
-def _row_ends(
-    parts: Parts,
-    fixed: Mapping[str, float],
-    fit: Fitted,
-    number: int,
-    scale: Ends,
-    place: Mapping[str, int],
-) -> dict[Total, Ends]:
-    """Ends of what the rows hold in one cell, in the normalisation of the model."""
-    low, high = fit.gamma[number] - fit.radius[number], fit.gamma[number] + fit.radius[number]
-    ends: dict[Total, Ends] = {}
-    for m, name in enumerate(parts.past):
-        ends[((place[name],),)] = _spread([float(low[m]), float(high[m])])
-    for m, column in enumerate(parts.columns, len(parts.past)):
-        free = tuple(sorted(place[name] for name in column.word if name not in fixed))
-        known = float(np.prod([fixed[name] for name in column.word if name in fixed]))
-        divisor = _power(scale, column.power)
-        if not free or not known or not np.all(np.isfinite(divisor)):
-            continue
-        if column.power and divisor[0] <= 0.0 <= divisor[1]:
-            continue
-        ends[free,] = _spread([float(a) / b / known for a in (low[m], high[m]) for b in divisor])
-    return ends
-
-
-def _power(ends: Ends, power: int) -> Ends:
-    low, high = sorted((ends[0] ** power, ends[1] ** power))
-    if power % 2 == 0 and power and ends[0] < 0.0 < ends[1]:
-        low = 0.0
-    return low, high
-
-
-def _spread(corners: list[float]) -> Ends:
-    low, high = min(corners), max(corners)
-    return low - 1e-12 * abs(low), high + 1e-12 * abs(high)

@@ -12,7 +12,7 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
 
-__all__ = ["Column", "Parts", "can_start", "parts_of", "with_impulses"]
+__all__ = ["Column", "Parts", "can_start", "parts_of", "row_noise", "with_impulses"]
 
 Reals = NDArray[np.float64]
 
@@ -116,6 +116,17 @@ def with_impulses(parts: Parts) -> Parts:
         initial=0,
         begin=begin,
     )
+
+
+def row_noise(formulation: Formulation) -> Reals:
+    """Bound what output noise of the newest sample and equation errors change, (N,).
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    output, _, equation = formulation.noise.bounds(formulation.data)
+    return np.asarray((output[:, 0] + equation[:, 0]) * (1 + 1e-15), np.float64)
 
 
 Behind = tuple[str, tuple[str, ...], tuple[str, ...], tuple[Column, ...]]

@@ -1,0 +1,186 @@
+"""Boxes of parameters from cells, in the normalisation of the structure.
+
+A cell knows the numerator of G up to a factor, and coefficients of the map for its own scale. What
+the structure fixes (a coefficient, a product, a static gain) gives each cell its factor; the hull
+of all cells is the box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.formulation.formulation import Formulation
+from setid.models.block import BlockStructured
+from setid.proofs.cells.arithmetic import Fitted
+from setid.proofs.cells.parts import Parts
+from sparsepop_py.verified.arithmetic.scalar_interval import Ends
+from sparsepop_py.verified.uncertain_rows.products import Total, contracted
+
+__all__ = ["converted", "divided", "factor_of"]
+
+Reals = NDArray[np.float64]
+
+
+def converted(
+    parts: Parts, formulation: Formulation, start: Reals, cells: Reals, fit: Fitted | None
+) -> tuple[Reals, NDArray[np.int64]]:
+    """Compute the hull (2, p) of all cells in the normalisation of the model.
+
+    Parameters
+    ----------
+    parts : Parts
+    formulation : Formulation
+    start : (2, p) float
+        Bounds of priors.
+    cells : (C, 2, d) float
+    fit : Fitted or None
+        Coefficients of the map in each cell; None where there is no cell.
+
+    Returns
+    -------
+    hull : (2, p) float
+    kept : (K,) int
+        Numbers of the cells that are not empty.
+    """
+    names, p = formulation.parameters, start.shape[1]
+    model = formulation.model
+    assert isinstance(model, BlockStructured)
+    hull, kept = np.array([np.full(p, np.inf), np.full(p, -np.inf)]), list[int]()
+    place = {name: i for i, name in enumerate(names)}
+    if fit is not None:
+        factor = factor_of(parts, model, cells, fit)
+        for c in range(len(cells)):
+            box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
+            if np.any(box[0] > box[1]):
+                continue
+            kept.append(c)
+            hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
+    return hull, np.array(kept, np.int64)
+
+
+def factor_of(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:
+    """Bound the factor from the face of each cell to the model's normalisation, (C, 2).
+
+    Parameters
+    ----------
+    parts : Parts
+    model : BlockStructured
+    cells : (C, 2, d) float
+    fit : Fitted
+    """
+    n = len(parts.poles)
+    everything = np.tile([-np.inf, np.inf], (len(cells), 1))
+    fixed = dict(model.fixed)
+    for place, word in enumerate(parts.words):
+        if all(name in fixed for name in word):
+            goal = float(np.prod([fixed[name] for name in word]))
+            scale = np.asarray(parts.constants)[place]
+            return divided(np.full((len(cells), 2), goal / scale), cells[:, :, n + place])
+    for m, column in enumerate(parts.columns, len(parts.past)):
+        goal = float(np.prod([fixed.get(name, 0.0) for name in column.word]))
+        if column.power == 1 and goal:
+            ends = np.stack(
+                [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
+            )
+            ends = np.sort(ends / goal, axis=1)
+            return ends + 1e-14 * np.abs(ends) * [-1.0, 1.0]
+    if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
+        top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
+        below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
+        slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
+        below = below + slack * [-1.0, 1.0]
+        return divided(top, below)
+    return everything
+
+
+def divided(top: Reals, below: Reals) -> Reals:
+    """Divide intervals (C, 2), rounded outwards; everything where zero divides.
+
+    Parameters
+    ----------
+    top, below : (C, 2) float
+    """
+    zero = (below[:, 0] <= 0) & (below[:, 1] >= 0)
+    safe = np.where(zero[:, None], 1.0, below)
+    corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    low, high = low - 1e-12 * np.abs(low), high + 1e-12 * np.abs(high)
+    return np.stack([np.where(zero, -np.inf, low), np.where(zero, np.inf, high)], axis=1)
+
+
+def _one_cell(
+    parts: Parts,
+    model: BlockStructured,
+    start: Reals,
+    cell: Reals,
+    fit: Fitted,
+    number: int,
+    factor: Reals,
+    place: Mapping[str, int],
+) -> Reals:
+    """The box of theta in one cell."""
+    n, fixed = len(parts.poles), dict(model.fixed)
+    box = start.copy()
+    for i, name in enumerate(parts.poles):
+        box[0, place[name]] = max(box[0, place[name]], cell[0, i])
+        box[1, place[name]] = min(box[1, place[name]], cell[1, i])
+    scale = (float(factor[0]), float(factor[1]))
+    ends: dict[Total, Ends] = {}
+    for i, word in enumerate(parts.words):
+        constant = float(parts.constants[i])
+        for name in word:
+            constant /= fixed.get(name, 1.0)
+        free = tuple(sorted(place[name] for name in word if name not in fixed))
+        if free and np.all(np.isfinite(scale)):
+            ends[free,] = _spread(
+                [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
+            )
+    if not fit.bounded[number]:
+        return contracted(box, ends, ())
+    ends |= _row_ends(parts, fixed, fit, number, scale, place)
+    if not parts.numerator or set(parts.numerator) & set(fixed):
+        return contracted(box, ends, ())
+    numerator, past = (
+        tuple(place[name] for name in part) for part in (parts.numerator, parts.past)
+    )
+    return contracted(box, ends, [(numerator, past)])
+
+
+def _row_ends(
+    parts: Parts,
+    fixed: Mapping[str, float],
+    fit: Fitted,
+    number: int,
+    scale: Ends,
+    place: Mapping[str, int],
+) -> dict[Total, Ends]:
+    """Ends of what the rows hold in one cell, in the normalisation of the model."""
+    low, high = fit.gamma[number] - fit.radius[number], fit.gamma[number] + fit.radius[number]
+    ends: dict[Total, Ends] = {}
+    for m, name in enumerate(parts.past):
+        ends[((place[name],),)] = _spread([float(low[m]), float(high[m])])
+    for m, column in enumerate(parts.columns, len(parts.past)):
+        free = tuple(sorted(place[name] for name in column.word if name not in fixed))
+        known = float(np.prod([fixed[name] for name in column.word if name in fixed]))
+        divisor = _power(scale, column.power)
+        if not free or not known or not np.all(np.isfinite(divisor)):
+            continue
+        if column.power and divisor[0] <= 0.0 <= divisor[1]:
+            continue
+        ends[free,] = _spread([float(a) / b / known for a in (low[m], high[m]) for b in divisor])
+    return ends
+
+
+def _power(ends: Ends, power: int) -> Ends:
+    low, high = sorted((ends[0] ** power, ends[1] ** power))
+    if power % 2 == 0 and power and ends[0] < 0.0 < ends[1]:
+        low = 0.0
+    return low, high
+
+
+def _spread(corners: list[float]) -> Ends:
+    low, high = min(corners), max(corners)
+    return low - 1e-12 * abs(low), high + 1e-12 * abs(high)
