@@ -231,8 +231,8 @@ def test_names_of_tables_are_those_of_channels_and_second_names_are_units() -> N
 @pytest.mark.parametrize(
     ("lines", "hint"),
     [
-        ("s;V;mm\n0;1.5;0\n", "found 'V', expected a number; if this line .* say header=2$"),
-        ("0;1,5;0\n", "found '1,5', expected a number; if that .* mark, say decimal=','$"),
+        ("s;V;mm\n0;1.5;0\n", r"found 'V', expected a number; if this .* \(--header 2\)$"),
+        ("0;1,5;0\n", r"found '1,5', expected a number; if that .*=',' \(--decimal ,\)$"),
         ("0;1.5;0\n1;x;0\n", "found 'x', expected a number$"),
         ("0;x;0\n", "found 'x', expected a number$"),
     ],
