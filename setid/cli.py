@@ -17,6 +17,7 @@ from setid.data.record import IOData
 from setid.data.tables import has_names
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.identify import identify
+from setid.minimum_noise.consistency_result import Consistency
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
 from setid.models.equations import Initial, Structure
 from setid.models.lti import TransferFunction
@@ -27,7 +28,6 @@ from setid.priors import DCGain, Stable
 from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
-from setid.result.consistency import Consistency
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from setid.serve.server import serve

@@ -36,6 +36,7 @@ from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.minimum_noise.conflicting_samples import conflicting_rows
+from setid.minimum_noise.consistency_result import Consistency
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.minimum_noise.separate_noise import separate_noise
@@ -58,7 +59,6 @@ from setid.proofs.least_noise.noise_scale import (
     scaled_noise,
 )
 from setid.proofs.parameter_box import start_of
-from setid.result.consistency import Consistency
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box

@@ -69,7 +69,7 @@ EXIT_INPUT = 2
 EXIT_MISSING = 3
 EXIT_OUTPUT = 5
 EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
-_READER = ContextVar("reader", default="")  # of the standard output: whether it has gone
+_READER_GONE = ContextVar("reader_gone", default=False)  # of the standard output
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # of a standard output
 
 _CODES = """exit codes:
@@ -133,11 +133,11 @@ def run_commands(
     except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
         return int(stop.code or 0)
     wrong: tuple[type[Exception], ...] = (*wrong_input, OSError)
-    _READER.set("")
+    _READER_GONE.set(False)
     try:
         code: int = arguments.run(arguments)
         sys.stdout.flush()
-        return EXIT_PIPE if _READER.get() else code
+        return EXIT_PIPE if _READER_GONE.get() else code
     except BrokenPipeError:  # whoever read has read enough
         _discard_output()
         return EXIT_PIPE
@@ -335,7 +335,7 @@ def print_or_write(path: str | None, record: Any, text: str) -> None:
         print(encoded if path == "-" else text, flush=True)
     except BrokenPipeError:  # whoever read has read enough: files are written all the same
         _discard_output()
-        _READER.set("gone")
+        _READER_GONE.set(True)
     if path not in (None, "-"):
         write_text(str(path), encoded + "\n")
 

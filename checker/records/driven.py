@@ -14,6 +14,7 @@ from ..arithmetic import interval as iv
 from ..arithmetic.polynomial import INF
 from ..files.reading import item, items, number
 from ..result import NotProved
+from .fewer_priors import check_given
 from .linear_rows import Ends, met
 from .parameter_box import at_one
 
@@ -54,17 +55,7 @@ def check_structures(about: Any, inner: Any) -> None:
 
 def check_question(about: Any, inner: Any, offsets: list[str]) -> None:
     """Check that nothing is given beside what is given of the other, and nothing of offsets."""
-    for v, name in enumerate(about.names):
-        low, high = (-INF, INF) if name in offsets else (side[v] for side in about.given)
-        if inner.given[0][v] > low or inner.given[1][v] < high:
-            raise NotProved(f"driven: {name} is bounded more than is given")
-    if not inner.asked <= about.asked:
-        raise NotProved("driven: a row that is not given")
+    check_given(about, inner, "driven", offsets)
     for kind, row in inner.asked:
         if any(name in offsets for word, _ in row for name in word):
             raise NotProved(f"driven: a row of kind {kind} that speaks of an offset")
-    given = about.bounds_of("slack")
-    for name, (low, high) in inner.bounds_of("slack").items():
-        known = given.get(name, (-INF, INF))
-        if low > known[0] or high < known[1]:
-            raise NotProved(f"driven: {name} is bounded more than is given")

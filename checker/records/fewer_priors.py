@@ -22,25 +22,27 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
         raise NotProved("fewer_priors: rows of another structure")
     inner.check()
     about.taken += inner.taken
-    check_given(about, inner)
+    check_given(about, inner, "fewer_priors")
     if inner.empty:
         return [[INF] * len(about.names), [-INF] * len(about.names)]
     outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
     return met(box, [number(a, "outer") for a, _ in outer], [number(b, "outer") for _, b in outer])
 
 
-def check_given(about: Any, inner: Any) -> None:
-    """Check that nothing is given inside beside what is given around it."""
+def check_given(about: Any, inner: Any, field: str, free: list[str] | None = None) -> None:
+    """Check that nothing is given inside beside what is given around it, and nothing of some."""
     for v, name in enumerate(about.names):
-        low, high = (side[v] for side in about.given)
+        low, high = (-INF, INF) if name in (free or ()) else (side[v] for side in about.given)
         if inner.given[0][v] > low or inner.given[1][v] < high:
-            raise NotProved(f"fewer_priors: {name} is bounded more than is given")
-    rows = [found.asked if found.structure else found.every_row() for found in (about, inner)]
+            raise NotProved(f"{field}: {name} is bounded more than is given")
+    rows, groups = (about.asked, inner.asked), {"slack"}
+    if inner.structure is None:  # no row is built here, and no bound of an unknown is looked at
+        rows = about.every_row(), inner.every_row()
+        groups = {group for group, _, _ in inner.record.letters} - {"theta"}
     if not rows[1] <= rows[0]:
-        raise NotProved("fewer_priors: a row that is not given")
-    groups = {group for group, _, _ in inner.record.letters} - {"theta"}
+        raise NotProved(f"{field}: a row that is not given")
     known = about.bounds_of(*groups)
     for name, (low, high) in inner.bounds_of(*groups).items():
         a, b = known.get(name, (-INF, INF))
         if low > a or high < b:
-            raise NotProved(f"fewer_priors: {name} is bounded more than is given")
+            raise NotProved(f"{field}: {name} is bounded more than is given")

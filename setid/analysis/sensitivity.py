@@ -28,6 +28,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
+from setid.minimum_noise.consistency_result import READ_OFF, Consistency
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options, check_executor, checked_options
@@ -35,7 +36,6 @@ from setid.priors import Box, parameters
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.parameter_box import start_of
-from setid.result.consistency import READ_OFF, Consistency
 from setid.result.identification import Identification
 from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.verified.arithmetic.display import rounded

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from setid.analysis.advise import Advice, Excitation
     from setid.analysis.select import Selection
     from setid.analysis.sensitivity import Sensitivity
-    from setid.result.consistency import Consistency
+    from setid.minimum_noise.consistency_result import Consistency
 
 __all__ = [
     "plot_advice",

@@ -22,13 +22,13 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.identify import identify
+from setid.minimum_noise.consistency_result import Consistency
 from setid.models.continuous import ContinuousTransferFunction
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.registry import family_of
 from setid.options import Options
 from setid.priors import Stable
-from setid.result.consistency import Consistency
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from sparsepop_py.files import write_text

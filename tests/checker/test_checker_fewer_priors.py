@@ -8,7 +8,9 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,9 @@ from test_checker_schema import SCHEMA, valid
 
 import setid
 import sparsepop_py as sp
+from checker.arithmetic.polynomial import INF
 from checker.files import reading
+from checker.records.fewer_priors import check_given
 from checker.records.record import Identification
 from checker.result import NotProved
 from setid.result.certificate_files import certificate_files
@@ -162,3 +166,37 @@ def test_rows_that_are_not_built_here_are_compared_one_by_one(told: str) -> None
         checked = Identification(found)
     with pytest.raises(NotProved):
         checked.check()
+
+
+ASKED = {"row"}
+
+
+@pytest.mark.parametrize(
+    ("inner", "free", "why"),
+    [
+        ({}, [], ""),
+        ({"given": [[-2, -9], [3, 9]]}, [], ""),  # less is given
+        ({"given": [[0, -9], [2, 9]]}, [], "a is bounded more"),
+        ({"given": [[-1, -9], [1, 9]]}, [], "a is bounded more"),
+        ({}, ["b"], "b is bounded more"),  # of which nothing may be given
+        ({"given": [[-1, -INF], [2, INF]]}, ["b"], ""),
+        ({"asked": set()}, [], ""),
+        ({"asked": {"another"}}, [], "a row that is not given"),
+        ({"slack": (-1, 5)}, [], ""),
+        ({"slack": (1, 4)}, [], "s is bounded more"),
+        ({"slack": (0, 3)}, [], "s is bounded more"),
+        ({"slack": None}, [], ""),
+    ],
+)
+def test_no_more_is_given_inside(inner: dict[str, Any], free: list[str], why: str) -> None:
+    def made(given: Any = None, asked: Any = None, slack: Any = (0, 4)) -> Any:
+        return SimpleNamespace(
+            names=["a", "b"],
+            given=given or [[-1, -9], [2, 9]],
+            asked=ASKED if asked is None else asked,
+            structure=True,
+            bounds_of=lambda *_: {} if slack is None else {"s": slack},
+        )
+
+    with pytest.raises(NotProved, match=why) if why else nullcontext():
+        check_given(made(), made(**inner), "field", free)

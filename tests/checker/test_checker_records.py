@@ -675,7 +675,7 @@ def test_structures_differ_in_their_offset_alone(form, two, error, why):
 )
 def test_no_more_is_given_of_the_rows_inside(changes, why):
     row = ("NONNEGATIVE", frozenset({(("a",), 1)}))
-    fields = {"asked": {row}, "slack": {"slack[1]": (0, 3)}}
+    fields = {"asked": {row}, "slack": {"slack[1]": (0, 3)}, "structure": True}
     about = SimpleNamespace(names=["a", "c"], given=[[-1, 0], [1, 5]], **fields)
     inner = SimpleNamespace(**({"given": [[-1, -INF], [1, INF]]} | fields | changes))
     for one in (about, inner):

@@ -182,7 +182,7 @@ class _Covering(NamedTuple):
 
     parts: Parts
     cells: Reals
-    fit: Fitted | None
+    fit: Fitted | None  # none where there are too many cells
     kept: NDArray[np.int64]  # of the cells, those that are not empty
     hull: Reals
     rounds: int
@@ -190,8 +190,10 @@ class _Covering(NamedTuple):
     def signal(self, formulation: Formulation, until: float) -> Reals:
         """Bounds (2, N) of the internal signal."""
         samples = formulation.data.samples
-        if self.fit is None or not self.kept.size:
+        if not self.kept.size:
             return np.array([np.full(samples, np.inf), np.full(samples, -np.inf)])
+        if self.fit is None:
+            return np.array([np.full(samples, -np.inf), np.full(samples, np.inf)])
         return signal_bounds(self.parts, formulation, self.cells, self.fit, self.kept, until)
 
 
@@ -355,9 +357,9 @@ def _pruned(
             break  # what fewer samples say is whole
         cells, spent = left, spent + used
         fit = None
-        if len(left):
+        if 0 < len(left) <= _MOST_LEFT:
             fit = _fitted(parts, formulation, left, rows)
-        if fit is None or not whole or known.size <= count or spent == rounds:
+        if not len(left) or not whole or known.size <= count or spent == rounds:
             break
     return cells, fit, spent
 

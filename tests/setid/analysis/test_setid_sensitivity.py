@@ -12,7 +12,7 @@ import setid
 import sparsepop_py as sp
 from setid.analysis import sensitivity as sensitivity_module
 from setid.analysis.sensitivity import _drawn as read
-from setid.result.consistency import READ_OFF
+from setid.minimum_noise.consistency_result import READ_OFF
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
 FIRST = setid.TransferFunction(na=1, nb=1)

@@ -78,6 +78,8 @@ def test_more_cells_than_are_bounded_keep_the_poles(
     monkeypatch.setattr(output_cells, "_MOST_LEFT", 0)
     found = boxed(known, rounds=rounds)
     assert holds(found, theta) and found.cells == each.cells
+    assert np.all(found.low == -np.inf) and np.all(found.high == np.inf)  # nothing of the signal
+    assert found.verify(known, start_of(known))
     assert np.all(found.lower <= each.lower) and np.all(each.upper <= found.upper)
     assert found.lower[0] > -1.0 or rounds < 6  # of the pole something is known
 
