@@ -150,6 +150,9 @@ from .identifiability.equivalence import (
 from .identify import (
     identify,
 )
+from .minimum_noise.consistency_result import (
+    Consistency,
+)
 from .minimum_noise.discretisation import (
     discretisation_error,
     estimate_delta,
@@ -207,9 +210,6 @@ from .proofs.parameter_box import (
 )
 from .proofs.uniqueness.normalisation import (
     unidentifiable,
-)
-from .result.consistency import (
-    Consistency,
 )
 from .result.identification import (
     Identification,
