@@ -36,7 +36,8 @@ __all__ = ["conflict_prices", "row_prices", "sequential_search", "violated_rows"
 
 _MANY = 600  # rows beyond which they are not restored after each step
 _DEVEX = {"simplex_dual_edge_weight_strategy": 1}  # exact weights of many rows take long
-_VIOLATED = 1e-7  # of a row's largest coefficient
+_VIOLATED = 1e-7  # in units of a row
+_LEVEL = 1e-8  # of a row's largest coefficient: one that changes less at the start is level there
 _FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
 _STEEPEST = 1e300  # slopes beyond this are taken for it, gradients over slopes no larger
@@ -89,10 +90,11 @@ class _Watch:
 
 @dataclass(eq=False)
 class _Search:
-    """Problem scaled by its rows and its objective, with two linear models. Mutable."""
+    """Problem in units of its variables, rows and objective, with a linear model. Mutable."""
 
     problem: Problem
     held: NDArray[np.int64]
+    start: NDArray[np.float64]
     end: float = np.inf
     scale: float = 1.0
 
@@ -102,11 +104,33 @@ class _Search:
         return self.problem.rows.size > _MANY
 
     @cached_property
+    def width(self) -> NDArray[np.float64]:
+        """Width of each variable's bounds, 1 + abs(start) where it has none."""
+        width = self.problem.upper - self.problem.lower
+        return np.where(np.isfinite(width), width, 1.0 + np.abs(self.start))
+
+    @cached_property
+    def unit(self) -> NDArray[np.float64]:
+        """Unit of each variable in linear programs: the width of its bounds, at most 1.
+
+        Tolerances of linear programs are absolute: 1e-9 is much of a noise bound of 1e-6.
+        """
+        return np.where(self.width > 0.0, np.minimum(self.width, 1.0), 1.0)
+
+    @cached_property
     def size(self) -> NDArray[np.float64]:
-        """Largest coefficient of each row."""
-        size = np.full(self.problem.rows.size, 1e-300)
-        np.maximum.at(size, self.problem.rows.row, np.abs(self.problem.rows.coefficients))
-        return size
+        """Largest coefficient of each row, or how much one variable changes it, if that is less.
+
+        The change is that of the linearised row at the start, over the width of the variable.
+        """
+        rows = self.problem.rows
+        largest, change = np.full((2, rows.size), 1e-300)
+        np.maximum.at(largest, rows.row, np.abs(rows.coefficients))
+        row, column = rows.jacobian_places()
+        with np.errstate(over="ignore", invalid="ignore"):
+            changes = np.abs(rows.slopes(self.start)) * self.width[column]
+        np.maximum.at(change, row, changes)
+        return np.where(change > _LEVEL * largest, np.minimum(change, largest), largest)
 
     @cached_property
     def _program(self) -> tuple[sps.csr_array, NDArray[np.intp]]:
@@ -146,13 +170,14 @@ class _Search:
     ) -> tuple[NDArray[np.float64], float] | None:
         """Solve the linearised problem for x + d within bounds; return it and its value."""
         rows, (matrix, places) = self.problem.rows, self._program
-        matrix.data[places] = rows.slopes(x) / self.size[rows.jacobian_places()[0]]
+        row, column = rows.jacobian_places()
+        matrix.data[places] = rows.slopes(x) / self.size[row] * self.unit[column]
         right = -rows.values(x) / self.size
         top = np.where(self.problem.equality, right, np.inf)
         slack = np.full(matrix.shape[1] - x.size, penalty)
         columns = (
-            np.append(low - x, np.zeros(slack.size)),
-            np.append(high - x, np.full(slack.size, np.inf)),
+            np.append((low - x) / self.unit, np.zeros(slack.size)),
+            np.append((high - x) / self.unit, np.full(slack.size, np.inf)),
         )
         if self._model is None:
             options = _DEVEX if self.long else None
@@ -160,11 +185,12 @@ class _Search:
         else:
             self._model.load(matrix, (right, top), columns)
         left = self.end - time.monotonic()
-        found = self._model.solve(np.append(gradient, slack), left if np.isfinite(left) else None)
+        costs = np.append(gradient * self.unit, slack)
+        found = self._model.solve(costs, left if np.isfinite(left) else None)
         if found.status != "solved":
             return None
         self.prices = np.abs(found.dual)
-        return np.clip(x + found.x[: x.size], low, high), found.value
+        return np.clip(x + self.unit * found.x[: x.size], low, high), found.value
 
     def place(self, x: NDArray[np.float64]) -> _Place:
         """Evaluate a vector; where some variables are held, choose the others anew.
@@ -185,9 +211,9 @@ class _Search:
         high[held] = np.minimum(high[held], x[held] + reach[held])
         return low, high
 
-    def stuck(self, at: _Place, unit: NDArray[np.float64]) -> bool:
+    def stuck(self, at: _Place) -> bool:
         """Check that no direction reduces the violation, so that no larger penalty does."""
-        bounds = self.within(at.x, _NEAR * unit)
+        bounds = self.within(at.x, _NEAR * self.width)
         found = self.step(at.x, np.zeros(at.x.size), 1.0, *bounds)
         return found is not None and found[1] >= (1.0 - _STUCK) * at.off
 
@@ -211,7 +237,7 @@ def violated_rows(
 
     Empty where the held variables are nearly those of a feasible point.
     """
-    search = _Search(problem, held)
+    search = _Search(problem, held, x)
     values = problem.rows.values(_restored(search, x)) / search.size
     off = np.where(problem.equality, np.abs(values), np.maximum(-values, 0.0))
     return np.flatnonzero(off > _VIOLATED)
@@ -239,13 +265,11 @@ def row_prices(
     Returns
     -------
     (m,) float
-        Sizes, for rows in units of their largest coefficients; zeros where there is no solution.
+        Sizes, for rows in their units of a search; zeros where there is no solution.
     """
-    search = _Search(problem, held, end)
-    unit = problem.upper - problem.lower
-    unit = np.where(np.isfinite(unit), unit, 1.0 + np.abs(x))
-    gradient = problem.objective_row.gradient(x) / _slope(problem, x, unit, _TRUST)
-    found = search.step(x, gradient, _PENALTY, *search.within(x, _TRUST * unit))
+    search = _Search(problem, held, x, end)
+    gradient = problem.objective_row.gradient(x) / _slope(problem, x, search.width, _TRUST)
+    found = search.step(x, gradient, _PENALTY, *search.within(x, _TRUST * search.width))
     return np.zeros(problem.rows.size) if found is None else search.prices
 
 
@@ -270,20 +294,20 @@ def conflict_prices(
     (m,) float
         Sizes; zeros where the held variables are those of a feasible point, or time is over.
     """
-    search = _Search(problem, held, end)
+    search = _Search(problem, held, x, end)
     feasible = search.violation(_restored(search, x)) <= _VIOLATED
     return search.prices if search.prices.size and not feasible else np.zeros(problem.rows.size)
 
 
 def _slope(
-    problem: Problem, x: NDArray[np.float64], unit: NDArray[np.float64], trust: float
+    problem: Problem, x: NDArray[np.float64], width: NDArray[np.float64], trust: float
 ) -> float:
     """Measure how fast the objective changes at x; where it is flat there, near x."""
-    near = np.clip(x + trust * unit, problem.lower, problem.upper)
-    places = x, near, np.clip(x - trust * unit, problem.lower, problem.upper)
+    near = np.clip(x + trust * width, problem.lower, problem.upper)
+    places = x, near, np.clip(x - trust * width, problem.lower, problem.upper)
     with np.errstate(over="ignore", invalid="ignore"):
         gradients = [np.abs(problem.objective_row.gradient(at)) for at in places]
-        steep = [float((gradient * unit).max(initial=0.0)) for gradient in gradients]
+        steep = [float((gradient * width).max(initial=0.0)) for gradient in gradients]
     slope = max(steep[0], _FLAT * max(steep)) or 1.0
     least = max(float(gradient.max(initial=0.0)) for gradient in gradients) / _STEEPEST
     slope = max(slope, least)  # where units are subnormal
@@ -328,21 +352,19 @@ def sequential_search(
     -------
     (n,) float
     """
-    search = _Search(problem, np.array(held, np.int64), end)
-    width = problem.upper - problem.lower
-    unit = np.where(np.isfinite(width), width, 1.0 + np.abs(start))
     x = np.clip(start, problem.lower, problem.upper)
-    search.scale = _slope(problem, x, unit, trust)
+    search = _Search(problem, np.array(held, np.int64), x, end)
+    search.scale = _slope(problem, x, search.width, trust)
     here, penalty, small = search.place(x), _PENALTY, 0
     watch = _Watch(creeping)
     for _ in range(_STEPS):
-        bounds = search.within(here.x, trust * unit)
+        bounds = search.within(here.x, trust * search.width)
         promised, trial = search.ahead(here, penalty, bounds)
         if trial is None or time.monotonic() >= end or watch.creeps(here):
             break
         size = 1.0 + abs(here.value)
         if promised <= _PROMISED * size:
-            if here.off <= _FEASIBLE or penalty >= _MOST or search.stuck(here, unit):
+            if here.off <= _FEASIBLE or penalty >= _MOST or search.stuck(here):
                 break
             penalty *= 10.0
             continue

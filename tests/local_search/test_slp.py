@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from random_cases import SEEDS, random_case
+from scipy.optimize import linprog
 from search_cases import heat_exchangers
 
 import sparsepop_py as sp
@@ -162,3 +163,31 @@ def test_objectives_over_subnormal_widths_are_scaled_within_doubles() -> None:
     problem = Problem(16 * x + y, [x == y], 0.0, 2.0**-1054)
     found = sequential_search(problem, np.full(2, 2.0**-1055))
     assert np.all((found >= 0) & (found <= 2.0**-1054))
+
+
+@pytest.mark.parametrize("bound", [1e-2, 1e-6, 1e-9])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_tiny_bounds_are_kept(bound: float, sign: float) -> None:
+    """Errors of readings, in units of which scipy's linear program is the oracle.
+
+    Readings are those of y(k+1) = .7 y(k) + .5 u(k), rounded; a and b are within 100 bounds.
+    Products of changes move the end by some 100 bounds of itself.
+    """
+    u = np.random.default_rng(0).uniform(-1, 1, 24)
+    y = np.full(25, 0.5)
+    for k in range(24):
+        y[k + 1] = 0.7 * y[k] + 0.5 * u[k]
+    a, b, *e = sp.variables(27)
+    rows = [(y[k + 1] - e[k + 1]) - a * (y[k] - e[k]) - b * u[k] == 0 for k in range(24)]
+    middle = np.array([0.7, 0.5] + [0.0] * 25)
+    reach = bound * np.array([100.0, 100.0] + [1.0] * 25)
+    problem = Problem(sign * a, rows, middle - reach, middle + reach)
+    found = sequential_search(problem, middle, (0, 1))
+    assert problem.violation(found) <= 1e-5 * bound
+
+    table = np.zeros((24, 27))
+    table[:, 0], table[:, 1] = -y[:-1], -u
+    table[np.arange(24), 2 + np.arange(24)], table[np.arange(24), 3 + np.arange(24)] = 0.7, -1.0
+    limits = [(-100.0, 100.0)] * 2 + [(-1.0, 1.0)] * 25
+    least = linprog(sign * np.eye(27)[0], A_eq=table, b_eq=np.zeros(24), bounds=limits).x[0]
+    assert abs((found[0] - 0.7) / bound - least) <= 300 * bound + 1e-5

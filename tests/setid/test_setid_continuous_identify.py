@@ -112,7 +112,7 @@ def test_proved_outputs_hold_the_recursion_of_the_truth(
         setid.predict(result)
 
 
-@pytest.mark.parametrize("size", [1e-2, pytest.param(1e-8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [1e-2, 1e-8])
 def test_intervals_collapse_with_the_noise(size: float) -> None:
     """The plant is the recursion itself, so that no discretisation error remains."""
     model = C(2, 1, Ts=0.3)
@@ -123,7 +123,7 @@ def test_intervals_collapse_with_the_noise(size: float) -> None:
     assert max(interval.width for interval in result.intervals.values()) < 150 * size
 
 
-@pytest.mark.parametrize("tau", [0.2, pytest.param(5.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tau", [0.2, 5.0])
 def test_lambda_collapses_under_its_hold_assumption(tau: float) -> None:
     theta = np.array([2.0, 0.5, 3.0])
     model = C(1, 1, method="lambda", tau=tau, Ts=0.1)
