@@ -169,9 +169,9 @@ def several() -> Iterator[Case]:
     for prior in (setid.Stable(), setid.Box({"a[1,1]1": (-1, 1), "a[1,2]1": (-1, 1)})):
         name = "two-poles-driven" + ("-box" if isinstance(prior, setid.Box) else "")
         offset = setid.TransferFunction(1, 1, 1, inputs=2, offset=True)
-        noise, rest = setid.Noise(output=0.1), np.random.default_rng(6).uniform(-1, 1, (40, 2))
+        noise, rest = setid.Noise(output=0.03), np.random.default_rng(6).uniform(-1, 1, (40, 2))
         made = setid.simulate_record(offset, [-0.8, -0.5, 1.0, 0.6, 3.0], rest, noise, 6).data
-        yield name, setid.IOData(made.u[26:], made.y[26:]), offset, noise, (prior,)
+        yield name, setid.IOData(made.u[30:], made.y[30:]), offset, noise, (prior,)
     yield "wide-second", record(3, "oi", 20, 2, 0.3), second, noise_of("oi", 0.3), ()
     data = record(7, "o", 12)
     gone = data.y.ravel().copy()

@@ -172,7 +172,7 @@ def test_samples_are_feasible():
 
 def test_many_ratios_in_a_chain():
     # max of sum 1 / q_i over q_i >= 1 with equality at (1, ..., 1): n - 1
-    n = 20
+    n = 8
     x = sp.variables(n)
     pairs = [
         (0 * x[0] - 1, 100 * (x[i + 1] - x[i] ** 2) ** 2 + (x[i] - 1) ** 2 + 1)

@@ -286,6 +286,7 @@ def test_a_square_that_may_vanish_bounds_the_signal_all_the_same() -> None:
 
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(1, 2, 1)
 POLES = setid.Box({"a1": (-0.8, -0.3)})
+SLOW = pytest.mark.slow
 STARTED = {  # structure, priors, poles and what follows, first samples of z
     "weak square": (setid.Wiener(ONE, 2, "gamma1"), setid.Stable(), [-0.6, 0.5, 0.3], 0.4),
     "cubic": (setid.Wiener(ONE, 3, "gamma1"), POLES, [-0.6, 0.5, 0.3, 0.1], -1.5),
@@ -308,7 +309,9 @@ def begun_anywhere(name: str, seed: int) -> tuple[setid.Formulation, np.ndarray,
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("name", STARTED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=SLOW) if n == "two numerators" else n for n in STARTED]
+)
 def test_boxes_hold_the_truth_whatever_the_first_samples_are(name: str, seed: int) -> None:
     formulation, theta, z = begun_anywhere(name, seed)
     box = cell_box(formulation, start_of(formulation))

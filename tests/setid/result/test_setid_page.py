@@ -76,15 +76,15 @@ def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
 def test_a_page_on_blocks_shows_their_maps_and_what_is_sampled(tmp_path: Path) -> None:
     pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     linear, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05)
-    options = setid.Options(time_limit=5.0, progress=False)
-    u = np.random.default_rng(0).uniform(-1, 1, (25, 1))
+    options = setid.Options(time_limit=2.0, progress=False)
+    u = np.random.default_rng(0).uniform(-1, 1, (15, 1))
     for model, wanted in (
         (setid.Hammerstein(linear, 2, "gamma1"), "response to a unit step, proved"),
         (setid.Wiener(linear, 2, "gamma1"), "response to a unit step, sampled"),
     ):
         data = setid.simulate_record(model, [-0.6, 0.5, 0.3], u, noise, 1).data
         result = setid.identify(data, model, noise, setid.Stable(), options)
-        shown = captions(result.report(tmp_path / "out.html", time_limit=2.0))
+        shown = captions(result.report(tmp_path / "out.html", time_limit=1.0))
         assert wanted in shown
         assert ("static map w, proved" in shown) == ("w" in dict(model.maps))
 
