@@ -27,6 +27,7 @@ from setid.control.engine import (
     Prior,
     PriorError,
     SetidError,
+    TransferFunction,
     entries_of,
     frozen,
 )
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
 __all__ = ["Design", "Refuted", "design"]
 
 Reals = NDArray[np.float64]
+_MEMBERS = "raise the order, change the reference model, or raise the noise bound"
 _SECONDS = 30.0  # for the engine, where options say nothing
 
 
@@ -191,11 +193,49 @@ class Design:
         """
         return self.fixed.controller([Fraction(float(t)) for t in self.fit], self.data.Ts)
 
+    @property
+    def help(self) -> tuple[str, ...]:
+        """What keeps intervals open, and what would close them; empty where all are certified."""
+        if self.empty:
+            return (f"no controller of this class is consistent: {_MEMBERS}",)
+        loose = [n for n, i in self.intervals.items() if not np.all(np.isfinite(i.outer))]
+        if loose:
+            lower = self._lower_order()
+            if lower:
+                return (
+                    f"a controller of order {lower} is consistent, too: with factors that cancel "
+                    f"there are others of order {lower + 1}, and nothing bounds "
+                    f"{', '.join(loose)}; take order {lower} or less",
+                )
+            return (
+                f"the data give no finite bounds of {', '.join(loose)}: the noise is strong for "
+                "this class; take a lower order, a longer record or a lower noise bound",
+            )
+        if any(item.status is IntervalStatus.PARTIAL for item in self.intervals.values()):
+            return (
+                "the outer ends are proved, but not attained within the tolerance: give more time "
+                "(options)",
+            )
+        return ()
+
+    def _lower_order(self) -> int:
+        """The order below, where one of its controllers is proved consistent; else 0."""
+        model, bound = self.fixed.model, self.result.formulation.noise
+        na, nb = model.na[0][0], model.nb[0][0]
+        record = self.result.formulation.data
+        free = (*self.fixed.known, na, nb - 1) == (Fraction(1), na, na)  # LTI: all orders alike
+        if not free or na <= max(self.fixed.integrators, 1) or np.isnan(record.u).any():
+            return 0
+        rows = noisy_rows(record, TransferFunction(na - 1, nb - 1), bound, self.fixed.integrators)
+        x = least_noise_fit(rows, best_fit(rows).origin)
+        theta = rows.offset + rows.basis @ x
+        padded = np.concatenate([theta[: na - 1], [0.0], theta[na - 1 :], [0.0]])
+        return 0 if self.result.consistent(padded) is None else na - 1
+
     def _require_members(self) -> None:
         if self.empty:
             raise SetidError(
-                "controller: found an empty set, expected consistent controllers; raise the "
-                "order, change the reference model, or raise the noise bound"
+                f"controller: found an empty set, expected consistent controllers; {_MEMBERS}"
             )
 
     def _of(self, values: Reals) -> Transfer:
@@ -218,10 +258,11 @@ class Design:
         ModelError
             If the class is no PID.
         SetidError
-            If the set of parameters is not finite.
+            If the set of parameters is empty or not finite.
         """
         if self.fixed.names[:2] != ("Kp", "Ki"):
             raise ModelError("form: found a class without Kp and Ki, expected control.PID")
+        self._require_members()
         if self.parameters is None:
             raise SetidError("form: found no finite set of parameters, expected one")
         rows = _inverse(self.fixed.basis)
@@ -262,9 +303,10 @@ class Design:
         return plot_matching(self.matching(plant), ax)
 
     def summary(self) -> str:
-        """Summarise refutations, intervals and their assumptions."""
+        """Summarise refutations, intervals, what keeps them open, and their assumptions."""
         lines = [repr(item) for item in self.refuted]
         lines += [repr(item) for item in self.intervals.values()]
+        lines += [f"help: {text}" for text in self.help]
         lines += [f"assumed: {text}" for text in self.assumptions]
         return "\n".join(lines)
 

@@ -302,6 +302,11 @@ def _converted(given: Any, Ts: float | None, field: str) -> Transfer:
 def _of_control(given: Any, step: float, field: str) -> Transfer:
     if given.dt == 0 or given.dt is None:
         raise ModelError(f"{field}: found a continuous-time model, expected one in discrete time")
+    shape = len(given.num), len(given.num[0])
+    if shape != (1, 1):
+        raise ModelError(
+            f"{field}: found {shape[0]} outputs and {shape[1]} inputs, expected one of each"
+        )
     top, below = (np.atleast_1d(np.squeeze(p)) for p in (given.num[0][0], given.den[0][0]))
     pad = len(below) - len(top)
     if pad < 0:

@@ -8,6 +8,7 @@ directions of a basis are served by one product of matrices. Nothing proved rest
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -70,6 +71,10 @@ class Proposer:
         """True after a program found no point that satisfies all rows."""
         for rows in seeds:
             self._keep(rows, check=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the warm linear program, which is no data; copies make one of their own."""
+        return self.__dict__ | {"_program": None}
 
     @property
     def points(self) -> Reals:

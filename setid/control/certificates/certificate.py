@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -61,7 +62,12 @@ _ROOM = 1.0 + 1e-9  # on bounds, so that a proof that is drawn again elsewhere s
 _WITHOUT_MARGIN = "unbounded without a margin"
 NOTHING = "no plant of this structure is consistent with the record, proved"
 _REFUTED = "a consistent plant makes an unstable loop, both proved"
-_OPEN = ("the data give no finite set of plants", "no proof near ", _WITHOUT_MARGIN)
+_STRONG = "the data give no finite set of plants: the noise is strong"
+_NOT_STABLE = f"{_WITHOUT_MARGIN}: that all consistent plants are stable is not proved"
+_OPEN = (NOTHING, _STRONG, f"{_WITHOUT_MARGIN}; {_STRONG}", _NOT_STABLE)
+_UNPROVED = re.compile(
+    r"no proof near [\d.e+-]*(, [\d.e+-]+)* rad a sample; a failing proof says nothing of the loop"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -531,11 +537,14 @@ class Question:
         reasons = {
             "certified": (self.proved_reason(outcome),),
             "refuted": (_REFUTED,),
-            "open": failed or (NOTHING, *_OPEN),
+            "open": failed or _OPEN,
         }[answer.verdict]
+        unproved = answer.verdict == "open" and not failed and _UNPROVED.fullmatch(answer.reason)
         return (
             answer.conditions == conditions
-            and answer.reason.startswith(reasons)
+            and (answer.reason in reasons or bool(unproved))
+            and (answer.plant is not None) == (answer.verdict == "refuted")
+            and (answer.verdict == "open" or not answer.help)
             and set(self._assumptions()) <= set(answer.assumptions)
         )
 
@@ -543,16 +552,15 @@ class Question:
         if plant is not None:
             return _REFUTED
         if found is None:
-            text = "the data give no finite set of plants: the noise is strong"
             bare = self.margin is None and self.method == "small_gain"
-            return f"{_WITHOUT_MARGIN}; {text}" if bare else text
+            return f"{_WITHOUT_MARGIN}; {_STRONG}" if bare else _STRONG
         if found.empty:
             return NOTHING
         if outcome.proved:
             return self.proved_reason(outcome)
         where = ", ".join(f"{w:.3g}" for w in outcome.failing[:3])
         if self.method == "small_gain" and self.margin is None and not outcome.arcs:
-            return f"{_WITHOUT_MARGIN}: that all consistent plants are stable is not proved"
+            return _NOT_STABLE
         return f"no proof near {where} rad a sample; a failing proof says nothing of the loop"
 
     def _answer(

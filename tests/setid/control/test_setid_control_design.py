@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +180,44 @@ def test_wrong_input_is_refused() -> None:
         control.design(data, ([1.0], [1.0, -0.5]), control.LTI(1), 0.01)
     with pytest.raises(setid.ModelError, match="polynomials"):
         control.Polynomials([[1.0, 0.0, 1.0]])
+
+
+def excited(order: int, bound: float) -> control.Design:
+    """Design for a plant of order 2, whose ideal controller has order 2."""
+    plant, rng = control.Transfer([0, 0.5, 0.2], [1, -1.2, 0.4]), np.random.default_rng(0)
+    r = rng.uniform(-1, 1, 80)
+    data = setid.IOData(r, plant.simulate(r) + bound * rng.uniform(-1, 1, 80))
+    M = control.reference_model(rise=4.0)
+    return control.design(data, M, control.LTI(order), bound, options=QUICK)
+
+
+def test_what_keeps_intervals_open_is_said() -> None:
+    high = excited(3, 0.002)
+    (why,) = high.help
+    assert why.startswith("a controller of order 2 is consistent, too")
+    assert f"help: {why}" in high.summary()
+    (why,) = excited(2, 0.5).help
+    assert "the noise is strong for this class" in why
+    (why,) = excited(1, 1e-4).help
+    assert why.startswith("no controller of this class is consistent")
+
+
+def test_a_design_is_pickled_and_copied() -> None:
+    found = excited(2, 0.002)
+    for again in (copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
+        assert again.summary() == found.summary()
+        assert again.parameters is not None
+        ends = again.parameters.ranges(np.zeros(1), np.eye(5)[:1])
+        assert ends[0][0] >= found.intervals["a1"].outer[0] - 1e-12
+
+
+def test_an_empty_set_has_no_other_forms() -> None:
+    rng = np.random.default_rng(0)
+    data = setid.IOData(rng.uniform(-1, 1, 40), rng.uniform(-1, 1, 40))
+    found = control.design(data, control.reference_model(rise=4.0), control.PID(), 1e-3)
+    assert found.empty
+    with pytest.raises(setid.SetidError, match="found an empty set"):
+        found.ideal_form()
 
 
 def test_models_of_python_control() -> None:

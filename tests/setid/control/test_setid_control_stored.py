@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 from dataclasses import replace
 from fractions import Fraction
 
@@ -17,6 +19,7 @@ from setid.control.certificates.cells import Outcome
 from setid.control.certificates.certificate import Question
 from setid.control.parameters.parameter_set import identified
 
+UNPROVED = "no proof near 0.1, 3 rad a sample; a failing proof says nothing of the loop"
 PLANT = control.Transfer([0, 1], [1, -0.5])
 M = control.Transfer([0, 0.4], [1, -0.6])
 
@@ -165,20 +168,39 @@ def test_words_that_say_other_than_the_numbers_are_refused(method: str) -> None:
         control.StabilityCertificate.from_json(json.dumps(assumed))
 
 
+@pytest.mark.parametrize("method", ["small_gain", "characteristic"])
+def test_words_beside_those_of_the_claim_are_refused(method: str) -> None:
+    found = json.loads(certificate(method).to_json())
+    for key, value in {
+        "reason": found["reason"] + "; so is the loop with twice the gain",
+        "plant": found["controller"],
+        "help": ["proved: the loop is stable with twice the gain"],
+    }.items():
+        with pytest.raises(setid.SetidError, match="does not hold"):
+            control.StabilityCertificate.from_json(json.dumps(found | {key: value}))
+
+
+def test_copies_and_pickles_are_certificates() -> None:
+    answer = certificate("small_gain")
+    for again in (copy.deepcopy(answer), pickle.loads(pickle.dumps(answer))):
+        assert again.verify() and again.to_json() == answer.to_json()
+
+
 def test_an_open_verdict_claims_nothing_in_words() -> None:
     answer = certificate("characteristic")
-    blank = {"verdict": "open", "reason": "no proof near 0.1 rad a sample", "identification": None}
+    blank = {"verdict": "open", "reason": UNPROVED, "identification": None}
     name = answer.conditions[0].name
     text = "not proved for every plant"
     found = json.loads(answer.to_json()) | blank | {"conditions": [[name, None, text]]}
     assert control.StabilityCertificate.from_json(json.dumps(found)).verdict == "open"
     for key, value in {
         "reason": "no plant of this structure is consistent with the record, proved",
+        "reason ": UNPROVED + ", which is stable",
         "conditions": [[name, True, "for every consistent plant"]],
         "plant": found["controller"],
     }.items():
         with pytest.raises(setid.SetidError, match="does not hold"):
-            control.StabilityCertificate.from_json(json.dumps(found | {key: value}))
+            control.StabilityCertificate.from_json(json.dumps(found | {key.strip(): value}))
 
 
 def test_a_proof_that_no_plant_is_consistent_goes_round() -> None:

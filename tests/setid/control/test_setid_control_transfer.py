@@ -154,6 +154,9 @@ def test_transfer_from_and_to_python_control() -> None:
     )
     with pytest.raises(setid.ModelError, match="continuous"):
         control.ideal_controller(module.TransferFunction([1.0], [1.0, 1.0]), given)
+    two = module.TransferFunction([[[0.4], [0.1]]], [[[1.0, -0.6], [1.0, -0.2]]], 0.5)
+    with pytest.raises(setid.ModelError, match="1 outputs and 2 inputs"):
+        control.ideal_controller(given, two)
 
 
 @pytest.mark.parametrize("bad", [None, "x", float("nan"), [1.0], 1j, {"a": 1}])
