@@ -195,7 +195,7 @@ class Design:
 
     @property
     def help(self) -> tuple[str, ...]:
-        """What keeps intervals open, and what would close them; empty where all are certified."""
+        """Sentences on what keeps intervals open; none where all are certified."""
         if self.empty:
             return (f"no controller of this class is consistent: {_MEMBERS}",)
         loose = [n for n, i in self.intervals.items() if not np.all(np.isfinite(i.outer))]

@@ -119,9 +119,9 @@ class _Search:
 
     @cached_property
     def size(self) -> NDArray[np.float64]:
-        """Largest coefficient of each row, or how much one variable changes it, if that is less.
+        """Size of each row: its largest coefficient, or the largest change, if that is less.
 
-        The change is that of the linearised row at the start, over the width of the variable.
+        Changes are those of the linearised row at the start, over the width of one variable.
         """
         rows = self.problem.rows
         largest, change = np.full((2, rows.size), 1e-300)
