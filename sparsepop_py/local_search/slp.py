@@ -128,8 +128,7 @@ class _Search:
         np.maximum.at(largest, rows.row, np.abs(rows.coefficients))
         row, column = rows.jacobian_places()
         with np.errstate(over="ignore", invalid="ignore"):
-            changes = np.abs(rows.slopes(self.start)) * self.width[column]
-        np.maximum.at(change, row, changes)
+            np.maximum.at(change, row, np.abs(rows.slopes(self.start)) * self.width[column])
         return np.where(change > _LEVEL * largest, np.minimum(change, largest), largest)
 
     @cached_property

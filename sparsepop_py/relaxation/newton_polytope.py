@@ -70,6 +70,7 @@ def consistent_bases(
     width = max([1, *(2 * b.shape[2] for _, b in bases), *(w.shape[1] for w in held)])
 
     def keys(words: Words) -> NDArray[Any]:
+        check()  # high orders have millions of words
         words = monomials.widen(words, width)
         return monomials.pack(words if rewrite is None else rewrite(words), dimension)
 
@@ -85,8 +86,8 @@ def consistent_bases(
     low = [monomials.degrees(basis) < degree for _, basis in bases]
     while True:
         alive = [fixed]
-        check()
         for keep, product in zip(kept, products, strict=True):
+            check()
             j, i = np.tril_indices(keep.shape[1], -1)
             alive.append(product[keep[:, i] & keep[:, j]])
         matched = monomials.distinct(np.concatenate(alive))

@@ -311,12 +311,12 @@ def _by_sparsepop_form(
     start = time.process_time()
     order = None if options.order is None else float(options.order)
     options = replace(_timed(context), effort="plain", switches=Switches(order=order))
-    with context.stages.stage("relax"):
-        bare = Model(model.proof, model.box)
-        sparsepop_form = build_relaxations(problem, (problem.objective,), bare, options)
-    if not all(affordable(each, options.memory_limit) for each in sparsepop_form.relaxations):
-        return outcome, []
     try:
+        with context.stages.stage("relax"):
+            bare = Model(model.proof, model.box)
+            sparsepop_form = build_relaxations(problem, (problem.objective,), bare, options)
+        if not all(affordable(each, options.memory_limit) for each in sparsepop_form.relaxations):
+            return outcome, []
         bound = bound_order(replace(context, options=options), sparsepop_form)
     except EARLY as cause:
         context.deadline.ended(cause)

@@ -10,8 +10,10 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.bounding import relaxation_bound
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.presolve import size_limits
 from sparsepop_py.relaxation.basis import building_bytes
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches, plain_relaxation
 
 X = sp.variables(10)
 BALL = sp.Problem(X[0] * X[1] * X[2], [sp.total(x**2 for x in X) <= 1])
@@ -48,6 +50,15 @@ def test_powers_and_products_are_refused_before_they_are_made() -> None:
 def test_relaxations_are_refused_before_they_are_built() -> None:
     with pytest.raises(sp.ProblemError, match="order: found 50, whose relaxation takes about"):
         sp.relax(BALL, 50)
+
+
+def test_forms_that_outlast_the_limit_are_not_built() -> None:
+    """Fifteen million products of pairs take seconds; most of it is inside a few calls."""
+    x = sp.variables(30)
+    problem = sp.Problem(sp.total(x), [sp.total(v**2 for v in x) <= 1], -1, 1)
+    cliques = sp.find_cliques(problem)
+    with Deadline(1.0).kept(), pytest.raises(LimitReached):
+        plain_relaxation(problem, cliques, (), Switches(order=3))
 
 
 @pytest.mark.parametrize("param", [{"tighten": 0}, {"tighten": 0, "SDPsolverSW": 0}, {}])

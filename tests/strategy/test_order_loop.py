@@ -14,8 +14,9 @@ from solved import INF, LAB_OPTIMUM, check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
 from sparsepop_py.branch_and_bound import node
+from sparsepop_py.budget import LimitReached
 from sparsepop_py.options import SKIPPED
-from sparsepop_py.strategy import without_box
+from sparsepop_py.strategy import order_loop, without_box
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening import obbt_lp
 from sparsepop_py.verified.certificate.steps import Known
@@ -398,7 +399,7 @@ def test_orders_far_too_large_come_down_at_once() -> None:
     assert len(lowered) == 1 and lowered[0].startswith("order 25 lowered to ")
 
 
-def test_the_form_without_products_follows_the_lean_one() -> None:
+def transport() -> tuple[sp.Problem, float]:
     """Concave costs of transport take integers at a vertex: all are tried for the least value."""
     supply, demand = (6, 7, 8), (5, 11, 5)
     linear = np.array([[19, 8, 9], [18, 11, 9], [17, 8, 11]])
@@ -416,11 +417,38 @@ def test_the_form_without_products_follows_the_lean_one() -> None:
     rows += [sp.total(x[:, j]) == demand[j] for j in range(3)]
     upper = np.minimum.outer(supply, demand).ravel()
     problem = sp.Problem(sp.total(costs.ravel()), rows, 0, upper)
+    return problem, least
+
+
+def test_the_form_without_products_follows_the_lean_one() -> None:
+    problem, least = transport()
     result = check(problem, sp.solve(problem, Options(order=2, memory_limit=3e5)))
     assert [entry.name for entry in result.history] == ["order 2", "order 2"]
     assert result.history[0].lower_bound < least - 0.1  # blocks of 28 would close it as well
     assert result.upper_bound == least
     assert result.status is Status.OPTIMAL
+
+
+def test_what_the_lean_form_proves_is_kept_where_time_ends_in_the_next(monkeypatch) -> None:
+    problem, least = transport()
+    own, built = order_loop.build_relaxations, []
+
+    def ended(*args):
+        if built:
+            raise LimitReached
+        return own(*args)
+
+    def bound_order(*args):
+        built.append(args)
+        return bounded(*args)
+
+    bounded = order_loop.bound_order
+    monkeypatch.setattr(order_loop, "bound_order", bound_order)
+    monkeypatch.setattr(order_loop, "build_relaxations", ended)
+    result = check(problem, sp.solve(problem, Options(order=2, memory_limit=3e5)))
+    assert len(built) == 1 and result.status in (Status.LIMIT, Status.BOUNDED)
+    assert [entry.name for entry in result.history] == ["order 2"]
+    assert result.lower_bound == result.history[0].lower_bound > least - 10.0
 
 
 def test_relaxations_precede_exact_gram_matrices_that_take_longer(monkeypatch):

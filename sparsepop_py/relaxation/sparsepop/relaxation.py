@@ -41,6 +41,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import LimitReached, before_check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
@@ -62,6 +63,8 @@ from sparsepop_py.relaxation.sparsepop.unreachable_monomials import eliminated
 from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = ["Switches", "plain_relaxation"]
+
+_SECONDS_OF_PAIR = 5e-7  # at least, for one product of two monomials of a basis
 
 
 @dataclass(frozen=True)
@@ -182,6 +185,11 @@ def plain_relaxation(
     -------
     Relaxation
 
+    Raises
+    ------
+    LimitReached
+        Within ``Deadline.kept()``, where products of monomials are expected to outlast the limit.
+
     Examples
     --------
     >>> import sparsepop_py as sp
@@ -205,6 +213,9 @@ def plain_relaxation(
     moment = [(alive[k], basis) for k, basis in clique_bases(members, alive, int(order))]
     plain = [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
     moment = [(block.clique, block.basis) for block in rules.normal(plain)]
+    pairs = sum(block.count * block.rows_each for block in plain)
+    if pairs * _SECONDS_OF_PAIR > before_check():
+        raise LimitReached
     least_degree = 0 if switches.aggressive else 2  # first moments of every solution
     if switches.consistent:
         held = [row_monomials(group, system) for group in stacked_groups(blocks)] + asked
