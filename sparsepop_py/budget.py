@@ -31,6 +31,8 @@ __all__ = [
     "Deadline",
     "LimitReached",
     "before_check",
+    "charge",
+    "cpu_seconds",
     "check",
     "pace",
     "spend",
@@ -80,6 +82,7 @@ class _Kept(threading.local):
 
     wall = np.inf
     cpu = np.inf
+    charged = 0.0
     deadline: Deadline | None = None
 
 
@@ -116,6 +119,19 @@ def before_check() -> float:
 def pace() -> float:
     """Return wall seconds to a CPU second, as this thread's deadline saw."""
     return 1.0 if _KEPT.deadline is None else _KEPT.deadline.pace
+
+
+def cpu_seconds() -> float:
+    """Return CPU seconds of this process, and of others as far as :func:`charge` counted them."""
+    return time.process_time() + _KEPT.charged
+
+
+def charge(seconds: float) -> None:
+    """Count CPU seconds that another process spent for the work of this thread."""
+    _KEPT.cpu -= seconds
+    _KEPT.charged += seconds
+    if _KEPT.deadline is not None:
+        _KEPT.deadline.charge(seconds)
 
 
 class Deadline:

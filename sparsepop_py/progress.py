@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from sparsepop_py.budget import check
+from sparsepop_py.budget import check, cpu_seconds
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Line", "OnProgress", "Stages"]
@@ -165,11 +165,11 @@ class Stages:
         self._draw()
         if not self._silent and time.monotonic() - self._reported > _REPORTED:
             self._report()
-        start = time.process_time()
+        start = cpu_seconds()
         try:
             yield
         finally:
-            spent = time.process_time() - start
+            spent = cpu_seconds() - start
             self.seconds[name] = self.seconds.get(name, 0.0) + spent
             _LOG.debug("%s: %.3f CPU seconds", name, spent)
 

@@ -16,15 +16,19 @@ objectives, 2024.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
+from numpy.typing import NDArray
 
+from sparsepop_py.budget import charge
 from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, solution
+from sparsepop_py.executors.processes import Processes, WorkerLost
 from sparsepop_py.solvers.interface import SolverSettings
 
-__all__ = ["STATUS", "moment_form", "run_clarabel", "squares_form"]
+__all__ = ["STATUS", "Output", "moment_form", "run_clarabel", "squares_form"]
 
 STATUS = {
     "Solved": "solved",
@@ -34,8 +38,32 @@ STATUS = {
     "DualInfeasible": "unbounded",
     "AlmostDualInfeasible": "unbounded",
 }
+_LARGE = 100_000  # entries of A, from which on an iteration may take a second
+_EARLIER = 0.8  # of the limit: then it is to return its iterate, which may prove something
 _MOST_ITERATIONS = 2**32 - 1  # that Clarabel counts
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """Output of Clarabel.
+
+    Parameters
+    ----------
+    x, z, s : array of float
+        Variables, multipliers and slacks.
+    iterations : int
+    status : str
+    seconds : float
+        CPU time.
+    """
+
+    x: NDArray[np.float64]
+    z: NDArray[np.float64]
+    s: NDArray[np.float64]
+    iterations: int
+    status: str
+    seconds: float = 0.0
 
 
 def _settings(asked: SolverSettings) -> Any:
@@ -62,44 +90,58 @@ def _cones(cones: Cones) -> list[Any]:
     return listed + [clarabel.PSDTriangleConeT(size) for size in cones.psd]
 
 
-def _run(
-    q: Any,
-    A: Any,
-    b: Any,
-    cones: Cones,
-    settings: SolverSettings,
-) -> tuple[Any, float]:
-    start = time.process_time()
-    result = run_clarabel(sps.csc_matrix((q.size, q.size)), q, A, b, cones, settings)
-    return result, time.process_time() - start
+def _run(q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings) -> Output:
+    return run_clarabel(sps.csc_matrix((q.size, q.size)), q, A, b, cones, settings)
 
 
 def run_clarabel(
     hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings
-) -> Any:
+) -> Output:
     """Minimise a convex quadratic function on a cone.
 
-    That is x' hessian x / 2 + q'x subject to A x + s = b, s in K; hessian is upper.
+    That is x' hessian x / 2 + q'x subject to A x + s = b, s in K; hessian is upper. With a time
+    limit large programs are solved in a process of their own, which ends with the limit: Clarabel
+    looks at the clock between iterations alone, and one of these may take longer than the limit.
     """
+    limit = settings.time_limit
+    if limit is None or A.nnz < _LARGE:
+        return _solved(hessian, q, A, b, cones, settings)
+    start, earlier = time.monotonic(), replace(settings, time_limit=_EARLIER * limit)
+    with Processes(1) as pool:
+        try:
+            found = pool.submit(_solved, hessian, q, A, b, cones, earlier).result(limit)
+        except (TimeoutError, WorkerLost) as error:
+            pool.stop()
+            charge(time.monotonic() - start)
+            status = "MaxTime" if isinstance(error, TimeoutError) else str(error)
+            return Output(np.zeros(q.size), np.zeros(b.size), b.copy(), 0, status)
+    charge(found.seconds)
+    return found
+
+
+def _solved(hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings) -> Output:
     import clarabel
 
-    return clarabel.DefaultSolver(hessian, q, A, b, _cones(cones), _settings(settings)).solve()
+    start = time.process_time()
+    found = clarabel.DefaultSolver(hessian, q, A, b, _cones(cones), _settings(settings)).solve()
+    x, z, s = (np.array(part) for part in (found.x, found.z, found.s))
+    seconds = time.process_time() - start
+    return Output(x, z, s, found.iterations, str(found.status), seconds)
 
 
 def moment_form(program: ConicProgram, settings: SolverSettings) -> ConicSolution:
     """Solve the program as it stands, moments being the variables."""
     matrix = sps.csc_matrix(program.A)
-    result, seconds = _run(program.q, matrix, program.b, program.cones, settings)
-    status = str(result.status)
+    result = _run(program.q, matrix, program.b, program.cones, settings)
     return solution(
         program,
-        STATUS.get(status, "failed"),
-        np.array(result.x),
-        np.array(result.z),
+        STATUS.get(result.status, "failed"),
+        result.x,
+        result.z,
         result.iterations,
-        seconds,
+        result.seconds,
         "clarabel-moment",
-        status,
+        result.status,
     )
 
 
@@ -113,16 +155,15 @@ def squares_form(program: ConicProgram, settings: SolverSettings) -> ConicSoluti
     matrix = sps.csc_matrix(sps.vstack([program.A.T, conic]))
     right = np.concatenate([-program.q, np.zeros(rows - zero)])
     cones = Cones(program.q.size, program.cones.nonnegative, program.cones.psd)
-    result, seconds = _run(program.b, matrix, right, cones, settings)
-    status = str(result.status)
-    seen = STATUS.get(status, "failed")
+    result = _run(program.b, matrix, right, cones, settings)
+    seen = STATUS.get(result.status, "failed")
     return solution(
         program,
         _SWAPPED.get(seen, seen),
-        -np.array(result.z)[: program.q.size],
-        np.array(result.x),
+        -result.z[: program.q.size],
+        result.x,
         result.iterations,
-        seconds,
+        result.seconds,
         "clarabel",
-        status,
+        result.status,
     )

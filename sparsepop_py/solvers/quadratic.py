@@ -75,11 +75,11 @@ def solve_convex_qp(
         settings,
     )
     multipliers: NDArray[Any] = np.zeros(polyhedron.constant.size)
-    multipliers[rows] = np.array(result.z) * scale / weight
+    multipliers[rows] = result.z * scale / weight
     slack = np.full(polyhedron.constant.size, np.inf)
-    slack[rows] = np.array(result.s) / scale
-    status = STATUS.get(str(result.status), "failed")
-    return QuadraticSolution(status, np.array(result.x), multipliers, slack)
+    slack[rows] = result.s / scale
+    status = STATUS.get(result.status, "failed")
+    return QuadraticSolution(status, result.x, multipliers, slack)
 
 
 def minimise_on_box(
@@ -113,5 +113,5 @@ def minimise_on_box(
     cones = Cones(equal.size, others.size + 2 * cost.size, ())
     upper = sps.csc_matrix(sps.triu(hessian))
     result = run_clarabel(upper, cost, stacked, sides, cones, SolverSettings())
-    solved = STATUS.get(str(result.status), "failed") in ("solved", "almost")
-    return np.array(result.x) if solved else None
+    solved = STATUS.get(result.status, "failed") in ("solved", "almost")
+    return result.x if solved else None

@@ -9,7 +9,6 @@ the cutoff, and with it the box.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -28,6 +27,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.branch_and_bound.node import NodeSettings
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.budget import cpu_seconds
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.lp.highs import LinearSolution
@@ -344,7 +344,7 @@ class AdaptiveSearch:
     # ---- one step -----------------------------------------------------------------------------
 
     def _run(self, spec: RelaxationSpec | str) -> None:
-        start, before, seconds = self.context.deadline.now(), self._gap, time.process_time()
+        start, before, seconds = self.context.deadline.now(), self._gap, cpu_seconds()
         if isinstance(spec, str):
             name, relaxation = spec, None
             self._branch(start)
@@ -364,7 +364,7 @@ class AdaptiveSearch:
             self.rate = max(share, 1e-3) / max(cost, 1e-3)
             self._branched += cost
         self.costs.append(cost)
-        self.history.append(self._record(name, relaxation, time.process_time() - seconds))
+        self.history.append(self._record(name, relaxation, cpu_seconds() - seconds))
 
     @property
     def _gap(self) -> float:

@@ -7,7 +7,6 @@ that it met stay.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -30,7 +29,7 @@ from sparsepop_py.branch_and_bound.linear_tree import (
 )
 from sparsepop_py.branch_and_bound.product_model import ProductModel
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
-from sparsepop_py.budget import EARLY
+from sparsepop_py.budget import EARLY, cpu_seconds
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import update_incumbent
@@ -100,7 +99,7 @@ def by_linear_tree(
     -------
     LinearTreeResult
     """
-    start = time.process_time()
+    start = cpu_seconds()
     if not _wanted(context) or not suits_linear_tree(context.problem):
         return LinearTreeResult(context, candidates)
     with context.stages.stage("presolve"):
@@ -143,7 +142,7 @@ def by_linear_tree(
         order=0,
         lower_bound=proved,
         upper_bound=context.upper,
-        seconds=time.process_time() - start,
+        seconds=cpu_seconds() - start,
         largest_block=0,
         moments=0,
         nodes=tree.nodes,

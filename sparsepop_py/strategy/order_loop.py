@@ -9,7 +9,6 @@ over or nothing is left to try.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -29,7 +28,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.bounding.unconstrained import good_enough
-from sparsepop_py.budget import EARLY
+from sparsepop_py.budget import EARLY, cpu_seconds
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.options import Options
@@ -262,7 +261,7 @@ def _orders(
     history: list[HistoryEntry] = []
     own = shared is None
     for order in _order_numbers(context):
-        start = time.process_time()
+        start = cpu_seconds()
         options = replace(_timed(context), order=order)
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
@@ -279,7 +278,7 @@ def _orders(
             break  # this order would be too large
         outcome = better(outcome, bound)
         context = replace(context, best=step.best)
-        history.append(history_entry(context, outcome, bound, time.process_time() - start))
+        history.append(history_entry(context, outcome, bound, cpu_seconds() - start))
         if context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
             break
         if outcome.certificate is None and context.best is not None:
@@ -308,7 +307,7 @@ def _by_sparsepop_form(
     lean = any(note.startswith(LEAN) for note in model.notes)
     if not lean or context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
         return outcome, []
-    start = time.process_time()
+    start = cpu_seconds()
     order = None if options.order is None else float(options.order)
     options = replace(_timed(context), effort="plain", switches=Switches(order=order))
     try:
@@ -322,7 +321,7 @@ def _by_sparsepop_form(
         context.deadline.ended(cause)
         return outcome, []
     outcome = better(outcome, bound)
-    return outcome, [history_entry(context, outcome, bound, time.process_time() - start)]
+    return outcome, [history_entry(context, outcome, bound, cpu_seconds() - start)]
 
 
 def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:

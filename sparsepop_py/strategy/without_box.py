@@ -6,7 +6,6 @@ that may be sums of squares. They know none of the sizes that wide bounds give t
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -22,7 +21,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.bounding.unconstrained import may_be_squares, unconstrained_bound
-from sparsepop_py.budget import EARLY
+from sparsepop_py.budget import EARLY, cpu_seconds
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import update_incumbent
@@ -101,7 +100,7 @@ def bound_by_exact_multipliers(
     context: SolveContext, candidates: list[NDArray[Any]]
 ) -> SearchState | None:
     """Bound a convex quadratic objective over a polyhedron by rational multipliers."""
-    start = time.process_time()
+    start = cpu_seconds()
     try:
         found = exact_convex_bound(context)
     except KeyboardInterrupt:
@@ -113,7 +112,7 @@ def bound_by_exact_multipliers(
     if not context.closed(proved):
         context, more = update_incumbent(context, starts, proved)
         candidates = candidates + more
-    entry = history_entry(context, bound, bound, time.process_time() - start)
+    entry = history_entry(context, bound, bound, cpu_seconds() - start)
     return SearchState(context, bound, candidates, (replace(entry, name="exact multipliers"),))
 
 
@@ -130,7 +129,7 @@ def bound_by_gram_matrices(
     context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
-    start, bound, starts_left = time.process_time(), None, list[NDArray[Any]]()
+    start, bound, starts_left = cpu_seconds(), None, list[NDArray[Any]]()
 
     def search(expected: float, found: CertifiedBound | None) -> SolveContext:
         nonlocal context, candidates
@@ -162,7 +161,7 @@ def bound_by_gram_matrices(
             or context.deadline.over
         ):
             break
-    entry = history_entry(context, bound, bound, time.process_time() - start)
+    entry = history_entry(context, bound, bound, cpu_seconds() - start)
     return SearchState(context, bound, candidates, (entry,))
 
 
