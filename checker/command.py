@@ -48,8 +48,9 @@ def main(arguments: list[str]) -> int:
 
 
 def told(words: str, code: int) -> int:
-    """Print, and return the exit code."""
-    sys.stdout.write(words + "\n")
+    """Print where the output is not closed, and return the exit code."""
+    if sys.stdout is not None:
+        sys.stdout.write(words + "\n")
     return code
 
 

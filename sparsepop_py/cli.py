@@ -128,6 +128,9 @@ def run_commands(
     int
     """
     _complete(parser)
+    if sys.stdout is None:  # closed by whoever started the command
+        print(f"{program}: standard output: found it closed, expected it open", file=sys.stderr)
+        return EXIT_OUTPUT
     try:
         arguments = parser.parse_args(argv)
     except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
@@ -378,6 +381,8 @@ def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
     if arguments.file is None:
         raise ProblemError("the following arguments are required: FILE")
     if arguments.file == "-":
+        if sys.stdin is None:
+            raise ProblemError("standard input: found it closed, expected a problem")
         return read_stream(sys.stdin.buffer.read(), arguments.format)
     if arguments.format is not None:
         return read_stream(read_bytes(arguments.file), arguments.format, arguments.file)

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import pathlib
+import shlex
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -281,6 +282,23 @@ def test_json_means_the_same_as_in_setid(
     assert strictly(out.read_text())["status"] == "OPTIMAL"
     assert main(["solve", file, "--json", str(folder / "no" / "out.json")]) == EXIT_INPUT
     assert "--json: found" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ("-m sparsepop_py.cli solve - >&-", EXIT_OUTPUT, "standard output: found it closed"),
+        ("-m sparsepop_py.cli solve - <&-", 2, "standard input: found it closed"),
+        ("-m setid.cli --help >&-", EXIT_OUTPUT, "standard output: found it closed"),
+        ("checker/check.py --help >&-", 0, ""),
+    ],
+)
+def test_closed_streams_are_named(words: str, code: int, said: str) -> None:
+    call = ["sh", "-c", f"{shlex.quote(sys.executable)} {words}"]
+    found = subprocess.run(call, stderr=subprocess.PIPE, input=b"min x^2", cwd=ROOT, check=False)
+    assert found.returncode == code
+    assert found.stderr.decode().count("\n") == bool(said) and said in found.stderr.decode()
 
 
 def test_a_broken_pipe_is_silent() -> None:

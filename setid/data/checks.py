@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid.errors import DataError, SetidError
+from sparsepop_py.algebra.exact_terms import require_doubles
 
 __all__ = [
     "MOST_TERMS",
@@ -113,6 +114,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         raise error(
             f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
         ) from None
+    require_doubles(given, field, error)
     if np.any(np.isinf(values)):
         where = f" at {np.argwhere(np.isinf(values))[0].tolist()}" if values.ndim else ""
         raise error(f"{field}: found an infinite value{where}, expected finite numbers")
@@ -164,6 +166,8 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
         raise error(f"{field}: found a number beyond all doubles, expected a smaller one") from None
     if np.isnan(value):
         raise error(f"{field}: found {given!r}, expected a number")
+    if type(given) is not float:
+        require_doubles(given, field, error)
     return value
 
 

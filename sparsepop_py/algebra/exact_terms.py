@@ -30,6 +30,7 @@ __all__ = [
     "grid_of",
     "grid_of_number",
     "held",
+    "require_doubles",
 ]
 
 Grid = tuple[int, float]  # step, and at least the sum of |c|: each c is a multiple of 2^step
@@ -40,22 +41,60 @@ _ANY_STEP = 1100  # of zeros and of whole numbers
 
 
 def exact_fraction(number: Any) -> Fraction | None:
-    """Return a rational number that is no double, None for every other number.
+    """Return a real number that is no double as a fraction, else None.
 
     Raises
     ------
     ProblemError
-        If it is larger than all doubles.
+        If it is larger than all doubles, or no double and of a type that gives no fraction.
     """
     if type(number) is float or (type(number) is int and abs(number) <= 2**53):
         return None
-    if not isinstance(number, numbers.Rational):
+    if isinstance(number, numbers.Rational):
+        exact = Fraction(int(number.numerator), int(number.denominator))  # those of NumPy overflow
+    elif isinstance(number, float | np.float32 | np.float16):
         return None
-    exact = Fraction(int(number.numerator), int(number.denominator))  # those of NumPy overflow
+    elif not isinstance(number, numbers.Real):
+        return None
+    else:  # long doubles, and numbers of sympy and mpmath
+        near = float(number)
+        if near == number or near != near:
+            return None
+        if not isinstance(number, np.longdouble):
+            raise ProblemError(
+                f"a number: found {type(number).__name__} {number!s:.40}, which is no double, "
+                "expected a float or a Fraction"
+            )
+        exact = Fraction(*number.as_integer_ratio())
     try:
         return None if Fraction(float(exact)) == exact else exact
     except OverflowError:
         raise ProblemError("a number is too large for a double") from None
+
+
+def require_doubles(given: Any, field: str, error: type[Exception] = ProblemError) -> None:
+    """Refuse arrays of numbers one of which no double holds, as some large integers.
+
+    Parameters
+    ----------
+    given : array_like
+        Integers or floats; arrays of objects pass.
+    field : str
+        What the message calls it.
+    error : type
+        The exception to raise.
+    """
+    array = np.asarray(given)
+    if array.dtype.kind not in "iuf":
+        return
+    values = array.astype(float)
+    large = np.isfinite(values) & (np.abs(values) >= 2.0**53)
+    if array.dtype.itemsize <= 8 and not np.any(large):
+        return
+    stated = np.asarray(given, object).ravel()  # beside floats numpy rounds integers
+    for number in stated:
+        if exact_fraction(number) is not None:
+            raise error(f"{field}: found {number!s:.40}, which no double holds, expected doubles")
 
 
 def grid_of_number(value: float) -> Grid:

@@ -495,7 +495,8 @@ class Polynomial:
         ProblemError
             If exponents are negative or fractional, or the lengths differ.
         """
-        values = np.atleast_1d(np.array(coefficients, float)).ravel()
+        exact_terms.require_doubles(coefficients, "coefficients")
+        values = np.atleast_1d(doubles(coefficients, "coefficients").copy()).ravel()
         table = exponents if sps.issparse(exponents) else np.atleast_2d(np.asarray(exponents))
         matrix = sps.csr_array(table)
         if matrix.shape[0] != values.size:
@@ -843,6 +844,7 @@ def _checked_terms(
         raise ProblemError(f"words: found a variable outside 1..{dimension}")
     if np.any(letters[:, 1:] < letters[:, :-1]):
         raise ProblemError("words: found a row that descends, expected variables in order")
+    exact_terms.require_doubles(coefficients, "coefficients")
     values = values.astype(float)
     if not np.all(np.isfinite(values)):
         bad = values[~np.isfinite(values)][0]

@@ -19,6 +19,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.exact_terms import require_doubles
 from sparsepop_py.algebra.matrix_constraints import cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
@@ -248,16 +249,18 @@ def _is_complex(value: Any) -> bool:
 
 
 def _array(value: Any, label: str) -> NDArray[np.float64]:
-    """Dense copy as doubles."""
+    """Dense copy as doubles; numbers that are none are refused."""
     dense = value.toarray() if _is_sparse(value) else value
     try:
         array = np.asarray(dense)
         if array.dtype.kind not in "biuf":
             raise TypeError
-        return array.astype(float)
+        doubles = array.astype(float)
     except (TypeError, ValueError, OverflowError, RecursionError):
         found = "complex numbers" if _is_complex(dense) else _kind(value)
         raise ProblemError(f"{label}: found {found}, expected real numbers") from None
+    require_doubles(dense, label)
+    return doubles
 
 
 # ---- polynomials ------------------------------------------------------------------------

@@ -147,7 +147,7 @@ def rounded_constraints(
 
 def rounded_bounds(place: str, given: Any) -> list[Rounding]:
     """Record the bounds that are no doubles as they were given."""
-    if isinstance(given, np.ndarray) and given.dtype.kind == "f":
+    if isinstance(given, np.ndarray) and given.dtype.kind == "f" and given.dtype.itemsize <= 8:
         return []
     stated = np.asarray(given, object).ravel()  # beside floats numpy would round integers
     exact = [value for value in map(exact_fraction, stated) if value is not None]

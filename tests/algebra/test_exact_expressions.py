@@ -325,3 +325,63 @@ def test_both_ends_of_the_bounds_count():
         assert (
             Fraction(record.shift) >= 9 * error > Fraction(record.shift) * (1 - Fraction(1, 2**50))
         )
+
+
+LONG = np.longdouble(1) / 3
+WIDE = pytest.mark.skipif(np.finfo(np.longdouble).nmant <= 52, reason="long doubles are doubles")
+
+
+@WIDE
+@pytest.mark.parametrize(
+    ("place", "make"),
+    [
+        ("objective", lambda x: sp.Problem(LONG * x)),
+        ("objective", lambda x: sp.Problem(x + LONG)),
+        ("constraint 0", lambda x: sp.Problem(x, [x >= LONG])),
+        ("lower", lambda x: sp.Problem(x, lower=LONG)),
+        ("upper", lambda x: sp.Problem(x, upper=np.array([LONG]))),
+    ],
+)
+def test_long_doubles_have_a_record(place, make):
+    """A bound of 1/3 in 64 bits was one of 53 bits, and the attained value lay below it."""
+    (x,) = sp.variables(1)
+    (record,) = make(x).rounding
+    assert (record.place, record.coefficients) == (place, 1)
+    error = abs(Fraction(float(LONG)) - Fraction(*LONG.as_integer_ratio()))
+    assert record.largest >= error / Fraction(1, 3) * (1 - Fraction(1, 2**50)) > 0
+
+
+@WIDE
+def test_long_doubles_beyond_doubles_are_refused():
+    (x,) = sp.variables(1)
+    with pytest.raises(sp.ProblemError, match="too large for a double"):
+        np.longdouble("1e400") * x
+
+
+def test_numbers_of_other_packages_are_doubles_or_refused():
+    sympy = pytest.importorskip("sympy", reason="an optional package")
+    (x,) = sp.variables(1)
+    assert sp.Problem(sympy.Float(0.5) * x).rounding == ()
+    assert sp.Problem(sympy.Rational(1, 3) * x).rounding[0].place == "objective"
+    with pytest.raises(sp.ProblemError, match="found Float .*, which is no double"):
+        x * sympy.Float("0.1", 50)
+
+
+@pytest.mark.parametrize(
+    "coefficients",
+    [[2**62 + 255], np.array([2**62 + 255]), np.array([-(2**53) - 1]), np.array([2**64 - 1], "u8")],
+)
+def test_arrays_of_integers_that_no_double_holds_are_refused(coefficients):
+    with pytest.raises(sp.ProblemError, match="coefficients: found .*, which no double holds"):
+        sp.Polynomial(np.array([[1]], np.int32), np.array(coefficients), 1)
+    with pytest.raises(sp.ProblemError, match="coefficients: found .*, which no double holds"):
+        sp.Polynomial.from_terms([[1]], coefficients)
+
+
+def test_integers_beside_floats_are_looked_at_before_they_are_rounded():
+    with pytest.raises(sp.ProblemError, match="found 4611686018427388159, which no double holds"):
+        sp.Polynomial.from_terms([[1], [2]], [2**62 + 255, 0.5])
+    assert sp.Polynomial.from_terms([[1], [2]], [2**62, 0.5]).coefficients.tolist() == [
+        2.0**62,
+        0.5,
+    ]

@@ -260,6 +260,12 @@ def bounds(lbd: Any, ubd: Any) -> tuple[Any, Any, Any, Any]:
         (bounds(None, [1, 1]), "lbd: found NoneType, expected real numbers"),
         (bounds([0, np.nan], [1, 1]), "lbd: found NaN for variable 2"),
         (bounds([0, 2], [1, 1]), "lbd, ubd: found [2, 1] for variable 2, expected lbd <= ubd"),
+        (
+            objective_with(coef=np.array([2**62 + 255] * 3)),
+            "objPoly.coef: found 4611686018427388159",
+        ),
+        (bounds([0, 2**62 + 255], [1, 2**63]), "lbd: found 4611686018427388159, which no double"),
+        (bounds(np.array([-(2**53) - 1, 0]), [1, 1]), "lbd: found -9007199254740993, which no"),
         (bounds([0, 1e10], [1, 1e11]), "lbd, ubd: found [1e+10, 1e+11] for variable 2"),
     ],
 )

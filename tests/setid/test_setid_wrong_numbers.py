@@ -66,3 +66,19 @@ def test_arrays_and_nothing_are_named_too() -> None:
             CALLS[name](np.eye(2))
     with pytest.raises(setid.ModelError, match="numerators: found none"):
         control.Polynomials([])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda n: setid.IOData([n, 1, 2], [0, 1, 2.5]),
+        lambda n: setid.IOData(np.array([1, 2, 4]), np.array([n, 1, 2])),
+        lambda n: setid.Noise(output=n),
+        lambda n: setid.Noise(output=np.array([n, n])),
+        lambda n: setid.Box({"a1": (0, n)}),
+    ],
+)
+def test_integers_that_no_double_holds_are_refused(make: Callable[[int], object]) -> None:
+    """Rounded they would be other readings and lower bounds."""
+    with pytest.raises(setid.SetidError, match="4611686018427388159, which no double holds"):
+        make(2**62 + 255)
