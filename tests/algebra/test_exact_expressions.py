@@ -356,6 +356,8 @@ def test_long_doubles_beyond_doubles_are_refused():
     (x,) = sp.variables(1)
     with pytest.raises(sp.ProblemError, match="too large for a double"):
         np.longdouble("1e400") * x
+    with pytest.raises(sp.ProblemError, match="found 0.3333333333333333333., which no double holds"):
+        sp.Polynomial(np.array([[1]], np.int32), np.array([LONG]), 1)
 
 
 def test_numbers_of_other_packages_are_doubles_or_refused():
