@@ -356,7 +356,7 @@ def test_long_doubles_beyond_doubles_are_refused():
     (x,) = sp.variables(1)
     with pytest.raises(sp.ProblemError, match="too large for a double"):
         np.longdouble("1e400") * x
-    with pytest.raises(sp.ProblemError, match="found 0.3333333333333333333., which no double holds"):
+    with pytest.raises(sp.ProblemError, match="found 0.33333333333333333.*, which no double"):
         sp.Polynomial(np.array([[1]], np.int32), np.array([LONG]), 1)
 
 
