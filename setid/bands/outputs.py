@@ -7,6 +7,7 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from setid.bands.enclosing import Accuracy, record_bands
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import FrozenMapping, frozen, word
+from setid.data.checks import FrozenMapping, frozen, number, word
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -392,7 +393,8 @@ def compare(
         Of the validation record; that of the identification when left out (bounds that
         are given one a sample then have to fit).
     time_limit : float
-        Seconds for a proved band of simulations.
+        Seconds, three quarters of them for a proved band of simulations, the rest for the best
+        member.
 
     Returns
     -------
@@ -408,14 +410,17 @@ def compare(
     >>> found.fit.round(1), len(found.band.outside)
     (array([92.2]), 0)
     """
+    begin = time.monotonic()
     check_result(result)
     if kind is not None:
         word(kind, "kind", ("proved", "sampled"), SetidError)
     if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
-        band = simulate_band(result, validation, kind, noise, time_limit=time_limit)
+        limit = _BAND * number(time_limit, "time_limit", SetidError)
+        band = simulate_band(result, validation, kind, noise, time_limit=limit)
     else:
         band = predict(result, validation, noise)
-    candidates = _candidates(result, mode)
+    left = max(begin + time_limit - time.monotonic(), (1.0 - _BAND) * time_limit)
+    candidates = _candidates(result, mode, left)
     model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted
     outputs = {name: outputs_of(model, t, band.data) for name, t in candidates.items()}
     fits = {name: frozen(fit(band.data.y, values)) for name, values in outputs.items()}
@@ -443,6 +448,7 @@ def _advice(result: FeasibleSet, mode: Mode, band: OutputBand, other: bool) -> l
     return found
 
 
+_BAND = 0.75  # share of a time limit for the band beside a nominal model
 _AT_REST = (
     "that rests on signals that are zero before this record (initial='zero'): where they are not, "
     "as in a part of a record, identify with initial='free'"
@@ -454,11 +460,11 @@ _ONE_STEP = (
 )
 
 
-def _candidates(result: FeasibleSet, mode: Mode) -> dict[str, Reals]:
+def _candidates(result: FeasibleSet, mode: Mode, time_limit: float) -> dict[str, Reals]:
     """Parameter vectors whose fits are compared, the nominal one first."""
     found: dict[str, Reals] = {}
     try:
-        found["best member"] = best(result, mode).theta
+        found["best member"] = best(result, mode, time_limit).theta
     except (ModelError, SetidError):  # no member is known, or readings to start from are missing
         pass
     found["centre"] = nominal(result) if result.middle is None else result.middle

@@ -6,6 +6,7 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 
 from __future__ import annotations
 
+import numbers
 import time
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -140,8 +141,15 @@ class FrequencyBand:
         Parameters
         ----------
         point : complex
+
+        Raises
+        ------
+        SetidError
+            If it is no finite number, or nothing is proved between the frequencies.
         """
-        return self._proved_arcs().distance(point)
+        if not isinstance(point, numbers.Complex) or not np.isfinite(complex(point)):
+            raise SetidError(f"point: found {point!r:.60}, expected a finite complex number")
+        return self._proved_arcs().distance(complex(point))
 
     def _proved_arcs(self) -> ArcRegions:
         if self.arcs is None:

@@ -132,7 +132,7 @@ def step_band(
     ----------
     result : FeasibleSet
     length : int
-        Number of samples.
+        Number of samples, at most 100 000.
     kind : {"proved", "sampled"}
         Proved bands are available where outputs are fed back linearly, each to itself.
     output, input : int
@@ -174,6 +174,8 @@ def step_band(
     check_result(result)
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)
+    if count > _MOST:
+        raise SetidError(f"length: found {count}, expected at most {_MOST}")
     channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
     accuracy = Accuracy(tolerance, time_limit)
     draws_of(samples, seed)
@@ -215,6 +217,7 @@ def _recursion(model: Structure) -> str:
     return f"response of the recursion to a step {step}"
 
 
+_MOST = 100_000  # samples of a response
 _SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time
 _LONGEST = 3000  # samples of it
 

@@ -7,6 +7,7 @@ it ends with is consistent is proved where ``proved`` says so.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares as gauss_newton
 from scipy.optimize import nnls
 
-from setid.data.checks import frozen, word
+from setid.data.checks import frozen, number, word
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import least_squares
@@ -90,7 +91,7 @@ class BestMember:
         return f"{shown} (fit in {self.goal} {per_cent(self.fit)})"
 
 
-def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
+def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.0) -> BestMember:
     """Find a member of the feasible set that simulates or predicts its record best.
 
     Parameters
@@ -99,6 +100,8 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
     goal : {"simulation", "prediction"}
         What to make small: the error of outputs that are simulated from the inputs alone, or
         that of one-step predictions.
+    time_limit : float
+        Seconds after which no further member is tried; on long records each takes some of a second.
 
     Returns
     -------
@@ -122,7 +125,8 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
     """
     check_result(result)
     misfit = _misfit(result, goal)
-    known = members(result, count=_MIXTURES)
+    begin, limit = time.monotonic(), number(time_limit, "time_limit", SetidError)
+    known = members(result, count=_MIXTURES, time_limit=0.5 * limit)
     theta = min(known, key=lambda t: _size(misfit(t)))
     target = _unconstrained(result, misfit, theta)
     if target is not None and is_member(result.formulation, target):
@@ -130,7 +134,7 @@ def best(result: FeasibleSet, goal: Goal = "simulation") -> BestMember:
     elif (rows := _linear_rows(result)) is not None:
         theta = _within_rows(misfit, theta, *rows)
     else:
-        theta = _within_members(result, misfit, theta, target)
+        theta = _within_members(result, misfit, theta, target, begin + limit)
     theta, proved = _proved(result, theta, known.mean(axis=0))
     errors = misfit(theta)
     data, model = result.formulation.data, result.formulation.model
@@ -342,13 +346,15 @@ def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals) -> R
 
 
 def _within_members(
-    result: FeasibleSet, misfit: Misfit, theta: Reals, target: Reals | None
+    result: FeasibleSet, misfit: Misfit, theta: Reals, target: Reals | None, until: float
 ) -> Reals:
     """As far on the way to the unconstrained minimum as members are known to reach."""
     if target is None:
         return theta
     size = _size(misfit(theta))
     for share in 0.5 ** np.arange(1, _HALVINGS):
+        if time.monotonic() >= until:
+            break
         point = theta + share * (target - theta)
         if _size(misfit(point)) < size and is_member(result.formulation, point):
             return np.asarray(point, np.float64)

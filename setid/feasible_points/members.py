@@ -122,8 +122,8 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
     weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
     until = time.monotonic() + number(time_limit, "time_limit", SetidError)
-    inside = (theta for theta in mixed if is_member(result.formulation, theta))
-    keep = list(takewhile(lambda _: time.monotonic() < until, inside))
+    tried = takewhile(lambda _: time.monotonic() < until, mixed)
+    keep = [theta for theta in tried if is_member(result.formulation, theta)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
 
 

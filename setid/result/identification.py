@@ -330,16 +330,18 @@ class Identification(FeasibleSet):
 
         return feasible(self)
 
-    def best(self, goal: Goal = "simulation") -> BestMember:
+    def best(self, goal: Goal = "simulation", time_limit: float = 20.0) -> BestMember:
         """Choose a member that simulates or predicts the record best; see :func:`setid.best`.
 
         Parameters
         ----------
         goal : {"simulation", "prediction"}
+        time_limit : float
+            Seconds.
         """
         from setid.feasible_points.best import best
 
-        return best(self, goal)
+        return best(self, goal, time_limit)
 
     @property
     def projection(self) -> NDArray[np.float64]:

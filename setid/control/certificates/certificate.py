@@ -294,6 +294,11 @@ def plant_model(order: int | TransferFunction, delay: int = 0) -> TransferFuncti
     """Build the structure of a plant of at most an order, with ``initial="free"``."""
     if isinstance(order, TransferFunction):
         return order
+    if not isinstance(order, (int, np.integer)):
+        raise ModelError(
+            f"plant_order: found {type(order).__name__}, expected an integer >= 0 or a "
+            "TransferFunction"
+        )
     n = natural(order, "plant_order", ModelError)
     lag = natural(delay, "delay", ModelError)
     return TransferFunction(n, max(n + 1 - lag, 1), lag)
@@ -310,6 +315,8 @@ def _output_noise(noise: Noise | float) -> Noise:
 
 def _known(K: Any, M: Any, Ts: float, snap: float) -> tuple[Transfer, Transfer, tuple[str, ...]]:
     """Controller and reference model with exact poles at 1, and what was moved for that."""
+    if not 0.0 <= number(snap, "snap", ModelError) < 1.0:
+        raise ModelError(f"snap: found {snap!r}, expected a fraction in [0, 1)")
     texts = []
     controller, rest = as_transfer(K, Ts, "K").reduced().snapped(snap)
     if rest:
@@ -470,7 +477,15 @@ class Question:
                 else "; F = K (1 - M) is not stable after exact cancellation"
             ),
         )
-        third = Condition("3 (max abs(Delta) < 1)", None, "not proved")
+        rejected = not sum(factor.numerator) and abs(_at_one(self.reference)) >= 1
+        third = Condition(
+            "3 (max abs(Delta) < 1)",
+            False if rejected and cancelled else None,
+            "at z = 1 F is zero, so that Delta = M there for every plant, and abs(M) >= 1; one "
+            "more integrator of K changes that"
+            if rejected and cancelled
+            else "not proved",
+        )
         return (first, second, third), factor
 
     def _poles_cancel(self) -> bool:
@@ -581,7 +596,8 @@ class Question:
         bound = max((b for *_, b in arcs), default=inf)
         if self.method == "characteristic":
             bound = float("nan")
-        advice = () if verdict != "open" else self._advice(found)
+        failed = any(c.holds is False for c in conditions)
+        advice = () if verdict != "open" else self._advice(found, failed)
         return StabilityCertificate(
             verdict,
             reason,
@@ -604,7 +620,9 @@ class Question:
             self.noise,
         )
 
-    def _advice(self, found: ParameterSet | None) -> tuple[str, ...]:
+    def _advice(self, found: ParameterSet | None, failed: bool) -> tuple[str, ...]:
+        if failed:  # whatever the data
+            return ("method='characteristic': it asks for less than small gain",)
         texts = ["more samples, or a smaller noise bound"]
         if found is not None and found.empty:
             return ("a higher plant order, or a larger noise bound: the record refutes this one",)
@@ -623,6 +641,11 @@ class Question:
 def _over_integrator(denominator: Sequence[Fraction]) -> list[Fraction]:
     found = [*denominator, Fraction(0)]
     return [a - b for a, b in zip(found, [Fraction(0), *denominator], strict=True)]
+
+
+def _at_one(system: Transfer) -> Fraction:
+    """Gain at z = 1 of a stable system."""
+    return sum(system.numerator, Fraction(0)) / sum(system.denominator, Fraction(0))
 
 
 def _zeros_at_one(system: Transfer) -> int:

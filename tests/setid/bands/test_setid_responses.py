@@ -95,6 +95,12 @@ def test_bad_arguments(result: setid.Identification) -> None:
         step_band(result, output=2)
     with pytest.raises(setid.SetidError, match="empty"):
         frequency_band(empty(result.formulation))
+    with pytest.raises(setid.SetidError, match="length: found 1000000000, expected at most 100000"):
+        step_band(result, 10**9)
+    band = frequency_band(result, [0.1, 1.0])
+    for point in ("a", np.nan, np.inf, None):
+        with pytest.raises(setid.SetidError, match="point: found"):
+            band.distance(point)  # type: ignore[arg-type]
 
 
 def test_the_grid_ends_at_the_nyquist_frequency() -> None:

@@ -271,3 +271,29 @@ def test_noise_beyond_all_sense_leaves_the_verdict_open() -> None:
     K = control.ideal_controller(plant, M)
     answer = control.stability_certificate(data, K, M, 1, 1e300, delay=1, time_limit=1.0)
     assert answer.verdict == "open" and "the noise is strong" in answer.reason
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.1])
+def test_small_gain_without_an_integrator_is_decided_in_rationals(gain: float) -> None:
+    """M(1) = 1 and F(1) = K(1) (1 - M(1)) = 0, so that Delta(1) = M(1) - F(1) P(1) = 1."""
+    plant, M = control.Transfer([0, 0.5, 0.2], [1, -1.2, 0.4]), control.reference_model(rise=4.0)
+    r = np.random.default_rng(0).uniform(-1, 1, 60)
+    data, K = setid.IOData(r, plant.simulate(r)), control.Transfer([gain], [1])
+    found = control.stability_certificate(data, K, M, 2, 0.002, delay=1)
+    assert found.verdict == "open" and found.conditions[2].holds is False
+    assert found.reason.startswith("3 (max abs(Delta) < 1) fails: at z = 1 F is zero")
+    assert found.help == ("method='characteristic': it asks for less than small gain",)
+    assert found.verify() and found.cells == 0
+    Delta = M - K * (1 - M) * plant
+    assert sum(Delta.numerator) == sum(Delta.denominator)
+    other = control.stability_certificate(data, K, M, 2, 0.002, None, "characteristic", delay=1)
+    assert other.verdict == "certified"
+
+
+def test_wrong_orders_and_tolerances_are_named() -> None:
+    data = setid.IOData(np.arange(20.0) % 3, np.arange(20.0) % 5)
+    K, M = control.Transfer([0.1], [1, -1]), control.reference_model(rise=4.0)
+    with pytest.raises(setid.ModelError, match="plant_order: found str, .* a TransferFunction"):
+        control.stability_certificate(data, K, M, "two", 0.1)
+    with pytest.raises(setid.ModelError, match="snap: found 2"):
+        control.stability_certificate(data, K, M, 2, 0.1, snap=2)

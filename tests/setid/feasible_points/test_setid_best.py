@@ -150,3 +150,20 @@ def test_the_best_predictor_in_continuous_time_predicts_better_than_members() ->
     assert is_member(result.formulation, found.theta)
     assert found.error == pytest.approx(error(found.theta))
     assert found.error <= min(error(theta) for theta in members(result, 50)) * (1 + 1e-9)
+
+
+def test_no_member_is_tried_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Attained members are known already; that mixtures are members takes linear programs."""
+    result, tried = biased(), []
+
+    def never(*given: object) -> bool:
+        tried.append(given)
+        return False
+
+    monkeypatch.setattr("setid.feasible_points.members.is_member", never)
+    found = members(result, count=50, time_limit=0.0)
+    assert not tried and np.array_equal(found, result.attained)
+    assert len(members(result, count=5)) == len(result.attained) and len(tried) == 5
+    with pytest.raises(setid.SetidError, match="time_limit: found"):
+        best(result, time_limit="long")  # type: ignore[arg-type]
+    assert is_member(result.formulation, best(result, time_limit=0.0).theta)
