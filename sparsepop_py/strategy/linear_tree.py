@@ -125,10 +125,13 @@ def by_linear_tree(
     variables = None if branch_on is None else np.unique(np.array(branch_on, np.int64))
     tree = LinearTree(context, model.box, search, variables)
     known: dict[Any, Any] = {}
-    certificate = None
+    closed, certificate = False, None
     try:
         with context.stages.stage("branch"):
             closed = tree.run()
+    except EARLY as cause:
+        context.deadline.ended(cause)
+    try:
         if closed or context.deadline.over:
             certificate = _settled(tree, model, known)
     except EARLY as cause:

@@ -45,6 +45,7 @@ from sparsepop_py.strategy.linear_tree import (
 )
 from sparsepop_py.strategy.search_state import (
     SearchState,
+    further,
     history_entry,
     moment_candidates,
     state_of,
@@ -98,20 +99,24 @@ def run_orders(
     if finite(Interval(context.problem.lower, context.problem.upper)):
         state = _by_relaxations(context, candidates, shared, more_starts)
         tried = context.options.effort == "auto"  # by the adaptive search
-        return state if tried or shared is not None else add_bound_without_box(state)
+        return state if tried or shared is not None else further(state, add_bound_without_box)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
-        return add_exact_proof(state)
+        return further(state, add_exact_proof)
     exact = bound_by_exact_multipliers(context, candidates)
     if exact is None:
         state = _by_relaxations(context, candidates, shared, more_starts)
         already_tried = context.options.effort == "auto" or not is_restricted(context.problem)
-        return state if already_tried else add_bound_without_box(state)
+        return state if already_tried else further(state, add_bound_without_box)
     proved = lower_bound(exact.outcome.certificate)
     if exact.context.closed(proved) or exact.context.deadline.over or falls_without_limit(exact):
         return exact
-    state = _by_relaxations(exact.context, exact.candidates, shared, more_starts)
-    return with_larger_bound(state, exact)
+
+    def with_relaxations(exact: SearchState) -> SearchState:
+        state = _by_relaxations(exact.context, exact.candidates, shared, more_starts)
+        return with_larger_bound(state, exact)
+
+    return further(exact, with_relaxations)
 
 
 def _by_relaxations(
@@ -131,7 +136,8 @@ def _by_relaxations(
         )
     state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _on_gram_box(add_unconstrained_bound(state), more_starts)
+        state = further(state, add_unconstrained_bound)
+        return further(state, partial(_on_gram_box, more_starts=more_starts))
     return state
 
 
@@ -174,14 +180,19 @@ def _after_unconstrained(
         or free.context.deadline.over
     ):
         return free
-    boxed = _on_gram_box(free, more_starts) if context.options.effort == "auto" else free
-    if boxed is not free:
+    on_box = partial(_on_gram_box, more_starts=more_starts)
+    boxed = further(free, on_box) if context.options.effort == "auto" else free
+    if boxed is not free or boxed.context.deadline.over:
         return boxed
-    state = go_on(free.context, free.candidates)
-    unproved = state.outcome.certificate is None
-    outcome = better(free.outcome, state.outcome)
-    state = replace(state, outcome=outcome, history=free.history + state.history)
-    return _on_gram_box(state, more_starts) if unproved else state
+
+    def joined(free: SearchState) -> SearchState:
+        state = go_on(free.context, free.candidates)
+        unproved = state.outcome.certificate is None
+        outcome = better(free.outcome, state.outcome)
+        state = replace(state, outcome=outcome, history=free.history + state.history)
+        return further(state, on_box) if unproved else state
+
+    return further(free, joined)
 
 
 def _run_orders(
@@ -346,7 +357,11 @@ def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> Certifie
             break
         switches = options.switches and replace(options.switches, order=order)
         lower = replace(_timed(context), order=order, switches=switches)
-        bound = bound_order(replace(context, options=lower), None)
+        try:
+            bound = bound_order(replace(context, options=lower), None)
+        except EARLY as cause:
+            context.deadline.ended(cause)
+            break
         if lower_bound(bound.certificate) > lower_bound(best):
             best, taken = bound.certificate, order
         if not _short(bound):
@@ -388,30 +403,29 @@ def _rounds(
     """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
     last: CertifiedBound | None = None
-    for _ in range(1 if shared else STRATEGY.order_rounds):
-        try:
+    try:
+        for _ in range(1 if shared else STRATEGY.order_rounds):
             bound = bound_order(context, shared, last)
-        except EARLY as cause:
-            if outcome is None:
-                raise
-            context.deadline.ended(cause)
-            break
-        if bound is last:
-            break
-        outcome, last = better(outcome, bound), bound
-        proved, old = lower_bound(outcome.certificate), context.best
-        context.report(proved)
-        if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
-            break  # reading further minimisers out of the moments would take the longest
-        context, more = update_incumbent(context, moment_candidates(bound), proved)
-        candidates = candidates + more
-        if not context.closed(proved) and not context.deadline.over:
-            context, more = update_incumbent(context, list(more_starts), proved)
+            if bound is last:
+                break
+            outcome, last = better(outcome, bound), bound
+            proved, old = lower_bound(outcome.certificate), context.best
+            context.report(proved)
+            if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
+                break  # reading further minimisers out of the moments would take the longest
+            context, more = update_incumbent(context, moment_candidates(bound), proved)
             candidates = candidates + more
-        if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
-            break
-        if context.best is old or not _worth_another(old, context.best, bound):
-            break
+            if not context.closed(proved) and not context.deadline.over:
+                context, more = update_incumbent(context, list(more_starts), proved)
+                candidates = candidates + more
+            if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
+                break
+            if context.best is old or not _worth_another(old, context.best, bound):
+                break
+    except EARLY as cause:
+        if outcome is None:
+            raise
+        context.deadline.ended(cause)
     assert outcome is not None
     return context, outcome, candidates
 

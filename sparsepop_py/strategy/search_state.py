@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     certified_bound,
     lower_bound,
 )
+from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments
 from sparsepop_py.result import HistoryEntry
@@ -26,6 +28,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 __all__ = [
     "SearchState",
+    "further",
     "history_entry",
     "moment_candidates",
     "state_of",
@@ -68,6 +71,15 @@ def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> Se
     replay = Replay(context.problem, None)
     outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
     return SearchState(context, outcome, candidates, ())
+
+
+def further(state: SearchState, step: Callable[[SearchState], SearchState]) -> SearchState:
+    """Take a step from a state, which is kept where a limit or the user ends the step."""
+    try:
+        return step(state)
+    except EARLY as cause:
+        state.context.deadline.ended(cause)
+        return state
 
 
 def state_of(search: AdaptiveSearch) -> SearchState:

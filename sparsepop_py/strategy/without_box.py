@@ -103,15 +103,19 @@ def bound_by_exact_multipliers(
     start = cpu_seconds()
     try:
         found = exact_convex_bound(context)
-    except KeyboardInterrupt:
+    except EARLY as cause:
+        context.deadline.ended(cause)
         return unstarted_state(context, candidates)
     if found is None:
         return None
     bound, starts = found
     proved = lower_bound(bound.certificate)
-    if not context.closed(proved):
-        context, more = update_incumbent(context, starts, proved)
-        candidates = candidates + more
+    try:
+        if not context.closed(proved):
+            context, more = update_incumbent(context, starts, proved)
+            candidates = candidates + more
+    except EARLY as cause:
+        context.deadline.ended(cause)
     entry = history_entry(context, bound, bound, cpu_seconds() - start)
     return SearchState(context, bound, candidates, (replace(entry, name="exact multipliers"),))
 
@@ -139,28 +143,24 @@ def bound_by_gram_matrices(
         candidates = candidates + more
         return context
 
-    while True:
-        try:
+    try:
+        while True:
             found = unconstrained_bound(context, search)
-        except EARLY as cause:
-            context.deadline.ended(cause)
+            if found is None:
+                return None
+            bound, old = better(bound, found), context.best
+            context = _searched_about_the_origin(context, bound)
+            proved = lower_bound(bound.certificate)
+            for starts in (moment_candidates(bound), more_starts):
+                if not context.closed(proved):
+                    context, more = update_incumbent(context, list(starts), proved)
+                    candidates = candidates + more
+            if context.best is old or context.closed(proved) or context.deadline.over:
+                break
+    except EARLY as cause:
+        context.deadline.ended(cause)
+        if bound is None:
             return unstarted_state(context, candidates)
-        if found is None:
-            return None
-        bound, old = better(bound, found), context.best
-        context = _searched_about_the_origin(context, bound)
-        for starts in (moment_candidates(bound), more_starts):
-            if not context.closed(lower_bound(bound.certificate)):
-                context, more = update_incumbent(
-                    context, list(starts), lower_bound(bound.certificate)
-                )
-                candidates = candidates + more
-        if (
-            context.best is old
-            or context.closed(lower_bound(bound.certificate))
-            or context.deadline.over
-        ):
-            break
     entry = history_entry(context, bound, bound, cpu_seconds() - start)
     return SearchState(context, bound, candidates, (entry,))
 
