@@ -59,7 +59,7 @@ from setid.proofs.least_noise.noise_scale import (
     scaled_noise,
 )
 from setid.proofs.parameter_box import start_of
-from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
@@ -170,11 +170,14 @@ def consistency(
 
 
 def _kept(deadline: Deadline, work: Callable[[], T]) -> T | None:
-    """Do work within the limits; None where they end it."""
+    """Do work within the limits; None where they or the user end it."""
+    if deadline.stopped:
+        return None
     try:
         with deadline.kept():
             return work()
-    except LimitReached:
+    except EARLY as cause:
+        deadline.ended(cause)
         return None
 
 

@@ -122,7 +122,7 @@ def pace() -> float:
 
 
 def cpu_seconds() -> float:
-    """Return CPU seconds of this process, and of others as far as :func:`charge` counted them."""
+    """Return CPU seconds of this process, and of others that :func:`charge` counted."""
     return time.process_time() + _KEPT.charged
 
 
@@ -175,8 +175,10 @@ class Deadline:
         self.cut = False  # something was not begun since it would have taken too long
 
     def charge(self, seconds: float) -> None:
-        """Count CPU seconds that another process spent on this work."""
+        """Count CPU seconds that another process spent on this work, for its whole too."""
         self._begin_cpu -= seconds
+        if self._whole is not None:
+            self._whole.charge(seconds)
 
     def stop(self) -> None:
         """End now, and all that this is a part of: the user interrupted."""
@@ -240,7 +242,7 @@ class Deadline:
         return self.stopped or time.monotonic() >= self.end
 
     def part(self, share: float, otherwise: float | None = None) -> Deadline:
-        """Return a deadline after a share of the time left.
+        """Return a deadline after a share of the time and work left.
 
         An interrupt ends the whole and all its parts.
 
@@ -248,12 +250,14 @@ class Deadline:
         ----------
         share : float
         otherwise : float, optional
-            Seconds where there is no limit in time.
+            Seconds where there is no limit.
         """
         wall, cpu = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         cpu_left = None if self.cpu_left is None else share * self.cpu_left
-        found = Deadline(otherwise if left is cpu_left is None else left, None, cpu_left)
+        work = None if self._last is None else share * max(0.0, self._last - spent())
+        unlimited = left is cpu_left is work is None
+        found = Deadline(otherwise if unlimited else left, work, cpu_left)
         found._whole = self
         return found
 

@@ -8,11 +8,12 @@ One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import chain, tee
-from typing import Any, overload
+from typing import Any, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,7 +245,9 @@ def solve_each(
     if not objectives:
         return []
     if executor is not None and options.effort != "auto" and options.gap_kind != "width":
-        tasks = [(problem.with_objective(each), options, start) for each in objectives]
+        limit = options.time_limit
+        until = None if limit is None else time.time() + limit  # of all tasks, in any process
+        tasks = [(problem.with_objective(each), options, start, until) for each in objectives]
         return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     deadline = _deadline(options)
@@ -280,8 +283,12 @@ def _proved_again(
     return proved
 
 
+_Task: TypeAlias = tuple[Problem, Options, NDArray[Any] | None, float | None]
+_LEAST = 1e-3  # seconds for a task that begins when time is over
+
+
 def _solve_apart(
-    tasks: list[tuple[Problem, Options, NDArray[Any] | None]],
+    tasks: list[_Task],
     executor: Executor,
     on_progress: OnProgress | None,
 ) -> list[Result]:
@@ -292,9 +299,11 @@ def _solve_apart(
     return results
 
 
-def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
+def _solve_task(task: _Task) -> Result:
     """Solve a problem in a worker; relaxation and solution stay there, nothing rests on them."""
-    problem, options, start = task
+    problem, options, start, until = task
+    if until is not None:
+        options = replace(options, time_limit=max(until - time.time(), _LEAST))
     return replace(solve(problem, options, start=start), relaxation=None, solution=None)
 
 

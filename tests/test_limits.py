@@ -7,6 +7,8 @@ import pickle
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -16,7 +18,7 @@ from search_cases import bilinear, least_on_a_grid
 from solved import INF, check
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, budget, progress, solvers
+from sparsepop_py import Options, Status, budget, pipeline, progress, solvers
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.budget import Deadline, LimitReached
@@ -100,6 +102,40 @@ def test_a_part_of_what_is_left(clocks):
     assert Deadline().part(0.5).left is None
     assert 1.9 < Deadline().part(0.5, otherwise=2.0).left <= 2.0
     assert deadline.part(0.5, otherwise=1e9).left < 1e8
+
+
+def test_parts_share_work_and_pass_on_what_other_processes_spent(clocks):
+    deadline = Deadline(None, work_limit=8.0)
+    part = deadline.part(0.5, otherwise=2.0)
+    assert part.counts_work and not part.unlimited and part.left is None
+    budget.spend(3.9)
+    assert not part.over
+    budget.spend(0.2)
+    assert part.over and not deadline.over
+    whole = Deadline(None, None, 8.0)
+    inner = whole.part(0.5)
+    inner.charge(3.0)
+    assert (inner.cpu_left, whole.cpu_left) == (1.0, 5.0)
+
+
+def test_tasks_of_one_solve_share_its_time(monkeypatch):
+    """Each task once had the whole limit: eight objectives took nine times as long."""
+    x, y = sp.variables(2)
+    problem, limits, now = sp.Problem(x + y, [x**2 + y**2 <= 1]), [], SimpleNamespace(wall=100.0)
+    own = pipeline.solve
+
+    def solve(problem, options, **rest):
+        limits.append(options.time_limit)
+        now.wall += 5.0
+        return own(problem, replace(options, time_limit=None), **rest)
+
+    monkeypatch.setattr(pipeline, "solve", solve)
+    monkeypatch.setattr(pipeline, "time", SimpleNamespace(time=lambda: now.wall))
+    options = Options(effort="presolve", time_limit=12.0)
+    with ThreadPoolExecutor(1) as pool:
+        found = sp.solve_each(problem, [x, y, x + y, x - y], options, executor=pool)
+    assert [result.options.time_limit for result in found] == [None] * 4
+    assert limits == [12.0, 7.0, 2.0, 1e-3]
 
 
 def test_an_interrupt_of_a_part_ends_the_whole():

@@ -54,6 +54,8 @@ class Identification:
             raise Malformed("units, variables: not one for each unknown, or a name twice")
         if len(self.given) != 2 or any(len(ends) != p for ends in self.given):
             raise Malformed("given: not two ends for each parameter")
+        if INF in self.given[0] or -INF in self.given[1]:
+            raise Malformed("given: an infinite end on the other side")
         self._number()
         self.structure = self._stated(item(found, "structure", "file"))
         self.driven = _inside(found, "driven", ("driven", "fewer_priors"))
@@ -63,6 +65,7 @@ class Identification:
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
+        self.loose = False  # whether they allow more than that
         self.empty = False  # whether no parameters explain the record
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
 
@@ -118,7 +121,8 @@ class Identification:
             raise NotProved("a row that is given speaks of an unknown that another one defines")
         self.stated = [f"given: {self._shown(c)}" for c in given]
         self.asked = {self._named(c) for c in given}
-        self.whole = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
+        both = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
+        self.whole = both and not self.loose
         for v in range(len(self.names), self.problem.dimension):
             self._check_bounds(v)
 
@@ -234,6 +238,7 @@ class Identification:
             return "" if good else "another constant, or an equation error is left out"
         slack = constant - own - width * abs(factor)
         self.rounded |= slack > 0
+        self.loose |= slack > abs(constant) / 2**52
         return "" if slack >= 0 and width else "tighter than the bound of the equation error"
 
     def _check_bounds(self, v: int) -> None:
@@ -353,7 +358,9 @@ class Identification:
                 lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
         lines += self._others_given() + self.stated
         lines += [f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions]
-        if self.rounded:
+        if self.loose:
+            lines.append("rows of equation errors allow more than the noise: no end is attained")
+        elif self.rounded:
             lines.append("rows of equation errors are rounded outwards, by less than a last bit")
         return lines + [f"taken as given: {what}" for what in self.taken]
 

@@ -365,7 +365,10 @@ class _Work:
         options, known = self._options(), self.result.formulation
         if factor == 1.0:
             return self.result
-        return identify(known.data, *_times(known, factor), known.priors, options)
+        found = identify(known.data, *_times(known, factor), known.priors, options)
+        if found.interrupted:  # the others get the least time
+            self.until = time.monotonic()
+        return found
 
     def level(self, more: Iterable[Any]) -> Consistency:
         """Find the least factor on the noise bounds with further priors."""

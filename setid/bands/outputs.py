@@ -410,16 +410,15 @@ def compare(
     >>> found.fit.round(1), len(found.band.outside)
     (array([92.2]), 0)
     """
-    begin = time.monotonic()
+    begin, limit = time.monotonic(), number(time_limit, "time_limit", SetidError)
     check_result(result)
     if kind is not None:
         word(kind, "kind", ("proved", "sampled"), SetidError)
     if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
-        limit = _BAND * number(time_limit, "time_limit", SetidError)
-        band = simulate_band(result, validation, kind, noise, time_limit=limit)
+        band = simulate_band(result, validation, kind, noise, time_limit=_BAND * limit)
     else:
         band = predict(result, validation, noise)
-    left = max(begin + time_limit - time.monotonic(), (1.0 - _BAND) * time_limit)
+    left = max(begin + limit - time.monotonic(), (1.0 - _BAND) * limit)
     candidates = _candidates(result, mode, left)
     model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted
     outputs = {name: outputs_of(model, t, band.data) for name, t in candidates.items()}

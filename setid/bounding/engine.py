@@ -114,7 +114,7 @@ def by_engine(
             context.timings[key] = context.timings.get(key, 0.0) + seconds
     outcome = replace(outcome, results=results, notes=tuple(notes))
     if any(r.status is sp.Status.INFEASIBLE for r in results):
-        spent = sum(context.timings[stage] for stage in ("box", "engine"))
+        spent = sum(context.timings.get(stage, 0.0) for stage in ("box", "engine"))
         left = _SEARCH + spent if context.until == inf else context.left
         options = context.settings.for_engine("absolute")
         keys = context.timed(

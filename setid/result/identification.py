@@ -73,7 +73,7 @@ class Identification(FeasibleSet):
         For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
     results : tuple of sparsepop_py.Result
         Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ..., in
-        the units of :func:`setid.formulation.formulation.units.in_units`, powers of two.
+        the units of :func:`setid.formulation.units.in_units`, powers of two.
     active : mapping of str to bool
         For each prior (as it describes itself), whether it holds with equality at some
         attained end of an interval.

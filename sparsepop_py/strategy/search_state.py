@@ -74,7 +74,7 @@ def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> Se
 
 
 def further(state: SearchState, step: Callable[[SearchState], SearchState]) -> SearchState:
-    """Take a step from a state, which is kept where a limit or the user ends the step."""
+    """Take a step from a state, which is kept where the step ends early."""
     try:
         return step(state)
     except EARLY as cause:

@@ -122,6 +122,27 @@ def test_what_is_not_the_records_is_noticed(change):
     assert verdict(found) == wanted if wanted else verdict(found) != "accepted"
 
 
+@pytest.mark.parametrize("share", [1e-3, 0.5, 1 - 1e-9])
+def test_rows_that_allow_more_than_the_equation_errors_attain_nothing(share):
+    """Rows of .05 hold for less noise too, but points of theirs may need more than there is."""
+    found = loaded("e-0")
+    said = "rows of equation errors are rounded outwards, by less than a last bit"
+    lines = Identification(found).check()
+    assert said in lines and any("attained from" in line for line in lines)
+    bound(found, "equation", share * found["noise"]["equation"][0][0])
+    lines = Identification(found).check()
+    assert any(line.startswith("proved: ") for line in lines) and said not in lines
+    assert not any("attained" in line and line.startswith("proved") for line in lines)
+    assert "rows of equation errors allow more than the noise: no end is attained" in lines
+
+
+def test_infinite_ends_of_what_is_given_are_on_their_side():
+    found = loaded("e-0")
+    for low, high in (("inf", "-inf"), ("inf", "inf"), ("-inf", "-inf"), ("-inf", "inf")):
+        found["given"] = [[low] * 2, [high] * 2]
+        assert verdict(found) == ("accepted" if (low, high) == ("-inf", "inf") else "malformed")
+
+
 def test_less_noise_than_stated_is_fine_and_more_is_not():
     """Unknowns that reach further than the noise make outer intervals true, inner ones unknown."""
     found = loaded("o-0")

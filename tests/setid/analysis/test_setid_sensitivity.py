@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ import sparsepop_py as sp
 from setid.analysis import sensitivity as sensitivity_module
 from setid.analysis.sensitivity import _drawn as read
 from setid.minimum_noise.consistency_result import READ_OFF
+from setid.result.identification import INTERRUPTED
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
 FIRST = setid.TransferFunction(na=1, nb=1)
@@ -226,3 +228,21 @@ def test_signs_that_a_prior_asks_for_are_lost_like_others() -> None:
     worst = min(np.abs(y[1:] + a * y[:-1]).max() for a in np.linspace(-2, 2, 4001)) / 0.01
     low, high = found.lost["b0"]
     assert low <= worst and high == pytest.approx(worst, rel=1e-3) and found.verify()
+
+
+def test_an_interrupt_leaves_the_least_time_for_what_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each factor once began with its share of the time, so that each took an interrupt."""
+    base = quadrangle()
+    work = sensitivity_module._Work(base, QUIET, time.monotonic() + 600.0, left=4)
+    limits: list[float] = []
+
+    def identified(*given: Any) -> setid.Identification:
+        limits.append(given[-1].time_limit)
+        return replace(base, notes=(INTERRUPTED,))
+
+    monkeypatch.setattr(sensitivity_module, "identify", identified)
+    for factor in (1.1, 1.2):
+        work.identified(factor)
+    assert limits[0] > 100.0 and limits[1] == sensitivity_module._LEAST

@@ -166,4 +166,6 @@ def test_no_member_is_tried_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -
     assert len(members(result, count=5)) == len(result.attained) and len(tried) == 5
     with pytest.raises(setid.SetidError, match="time_limit: found"):
         best(result, time_limit="long")  # type: ignore[arg-type]
+    with pytest.raises(setid.SetidError, match="time_limit: found"):
+        setid.compare(result, mode="prediction", time_limit="long")  # type: ignore[arg-type]
     assert is_member(result.formulation, best(result, time_limit=0.0).theta)
