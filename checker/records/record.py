@@ -101,6 +101,10 @@ class Identification:
             raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
+            for (group, channel, k), letter in self.record.letters.items():
+                if group in GROUPS:
+                    size = self.record.bounds[GROUPS[group]][channel - 1][k]
+                    self.whole &= self._bounds(letter - 1) == (-size, size)
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
         self._define()
@@ -241,10 +245,15 @@ class Identification:
         self.loose |= slack > abs(constant) / 2**52
         return "" if slack >= 0 and width else "tighter than the bound of the equation error"
 
+    def _bounds(self, v: int) -> tuple[Any, Any]:
+        """The bounds of an unknown, in units of the record."""
+        low, high = (times(e[v], self.units[v]) for e in (self.problem.lower, self.problem.upper))
+        return low, high
+
     def _check_bounds(self, v: int) -> None:
         """The bounds of an unknown sample are no tighter than what is known of it."""
         group, channel, k = next(key for key, at in self.record.letters.items() if at == v + 1)
-        low, high = (times(e[v], self.units[v]) for e in (self.problem.lower, self.problem.upper))
+        low, high = self._bounds(v)
         known: tuple[Any, Any] | None = (-INF, INF)
         if group == "slack":
             known = (low, high)  # part of a prior, whose rows are taken as given

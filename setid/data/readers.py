@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,10 @@ from numpy.typing import NDArray
 from setid.data.checks import real_array
 from setid.data.tables import Column, check_distinct
 from setid.errors import DataError
+from sparsepop_py.compat.mat_structure import check_structure
+
+_DAMAGED: tuple[type[Exception], ...] = (ArithmeticError, LookupError, MemoryError)
+_DAMAGED += (NotImplementedError, TypeError, ValueError, zlib.error)  # FormatError is a ValueError
 
 __all__ = ["listed", "read_mat_columns", "stacked"]
 
@@ -22,7 +28,8 @@ def read_mat_columns(
 ) -> list[NDArray[np.float64]]:
     """Read variables of a MATLAB file (up to version 7), each as columns (N, c).
 
-    Length decides between rows and columns: the longer side holds the samples.
+    Length decides between rows and columns: the longer side holds the samples. The structure of
+    the file is checked first, since SciPy's reader ends the process where a file is damaged.
 
     Raises
     ------
@@ -31,12 +38,17 @@ def read_mat_columns(
     """
     import scipy.io  # loaded by those who read such files
 
+    named = Path(path)
+    short = named.with_name(named.name + ".mat")  # as in MATLAB, the suffix may be left out
     try:
-        version = scipy.io.matlab.matfile_version(os.fspath(path))
-        found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))
+        data = (named if named.exists() or not short.exists() else short).read_bytes()
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}, expected a MATLAB file") from None
-    except (ValueError, TypeError, scipy.io.matlab.MatReadError, zlib.error) as cause:
+    try:
+        version = scipy.io.matlab.matfile_version(BytesIO(data))
+        check_structure(data)
+        found = {} if version[0] > 1 else scipy.io.loadmat(BytesIO(data))
+    except (*_DAMAGED, scipy.io.matlab.MatReadError) as cause:
         raise DataError(f"{path}: {cause}, expected a MATLAB file of version 7 or older") from None
     if version[0] > 1:
         raise DataError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from setid.errors import ModelError
@@ -10,7 +11,7 @@ from setid.html import section, table
 if TYPE_CHECKING:
     from setid.models.equations import Equation, Structure, Term
 
-__all__ = ["InNotebook", "equation_text"]
+__all__ = ["InNotebook", "equation_text", "equations_html"]
 
 
 class InNotebook:
@@ -19,12 +20,26 @@ class InNotebook:
     __slots__ = ()
 
     def _repr_html_(self: Structure) -> str:
-        try:
-            rows = [[e.defines, equation_text(e)] for e in self.equations()]
-        except ModelError:  # continuous time, and no sampling time yet
-            rows = [["", ", ".join(self.parameters)]]
-        head = f"{self!r}: {len(self.parameters)} parameters"
-        return section(head, table(["signal", "equation"], rows))
+        return equations_html(self)
+
+
+def equations_html(model: Structure, errors: bool = True) -> str:
+    """Write the equations of a structure as HTML.
+
+    Parameters
+    ----------
+    model : Structure
+    errors : bool
+        Whether equation errors are shown.
+    """
+    try:
+        equations = model.equations()
+        shown = equations if errors else [replace(e, error=False) for e in equations]
+        rows = [[e.defines, equation_text(e)] for e in shown]
+    except ModelError:  # continuous time, and no sampling time yet
+        rows = [["", ", ".join(model.parameters)]]
+    head = f"{model!r}: {len(model.parameters)} parameters"
+    return section(head, table(["signal", "equation"], rows))
 
 
 def equation_text(equation: Equation) -> str:

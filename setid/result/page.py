@@ -28,6 +28,7 @@ from setid.feasible_points.best import best, per_cent
 from setid.formulation.regression import check_channels
 from setid.html import table
 from setid.models.block import BlockStructured
+from setid.models.html import InNotebook, equations_html
 from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
@@ -290,8 +291,9 @@ def _verification(result: Identification) -> tuple[Part, ...]:
     parts = [
         Part(
             "note",
-            "Every outer end has a certificate, every inner end a point whose existence is proved. "
-            "They are checked again from the record, without any solver:",
+            "Every finite outer end has a certificate and every inner end a point whose existence "
+            "is proved; that a set is empty or unbounded has a proof of its own. They are checked "
+            "again from the record, without any solver:",
         ),
         Part(
             "code",
@@ -330,10 +332,13 @@ def _range(bound: Any) -> str:
 
 
 def _structure(result: Identification) -> Part:
-    """Equations, of structures that show them."""
+    """Equations, of structures that show them; with errors only where these have a bound."""
     model: Any = result.formulation.model
-    shown = getattr(model, "_repr_html_", None)
-    return Part("note", repr(model)) if shown is None else Part("html", shown())
+    shown = isinstance(model, InNotebook)
+    if not shown:
+        return Part("note", repr(model))
+    errors = bool(np.any(np.asarray(result.formulation.noise.equation) > 0))
+    return Part("html", equations_html(model, errors))
 
 
 # ---- pictures ---------------------------------------------------------------------------

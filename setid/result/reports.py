@@ -257,7 +257,7 @@ def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
         lines.append(
             f"wide (more than {100 * _WIDE:.0f} % about the centre, or zero inside): "
             f"{', '.join(wide)}. A longer record, or an input with more power where the system "
-            "responds, narrows them; a lower noise bound does so in proportion."
+            "responds, narrows them; so does a lower noise bound, as far as the record allows one."
         )
     hits, kinds = binding(result), binding_kinds(result)
     if hits:
@@ -284,7 +284,7 @@ def _sensors(result: FeasibleSet) -> list[str]:
         if result.formulation.noise.model_error and kind == _KINDS["eta"]:
             kind = "output noise, with delta in it"
         return [
-            f"all uncertainty of the equations is {kind}: widths shrink about as its bound does"
+            f"all uncertainty of the equations is {kind}: a lower bound of it narrows all intervals"
         ]
     most, least = max(named, key=lambda k: named[k]), min(named, key=lambda k: named[k])
     parts = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in named.items())

@@ -136,6 +136,15 @@ def test_rows_that_allow_more_than_the_equation_errors_attain_nothing(share):
     assert "rows of equation errors allow more than the noise: no end is attained" in lines
 
 
+def test_unknowns_that_reach_further_attain_nothing_where_rows_are_given():
+    found = loaded("hammerstein")
+    assert any("attained from" in line for line in Identification(found).check())
+    bound(found, "output", 0.5 * found["noise"]["output"][0][0])
+    lines = Identification(found).check()
+    assert any(line.startswith("proved: ") for line in lines)
+    assert not any("attained" in line and line.startswith("proved") for line in lines)
+
+
 def test_infinite_ends_of_what_is_given_are_on_their_side():
     found = loaded("e-0")
     for low, high in (("inf", "-inf"), ("inf", "inf"), ("-inf", "-inf"), ("-inf", "inf")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -192,6 +193,12 @@ def test_matlab_files(tmp_path: Path) -> None:
     (tmp_path / "nothing.mat").write_bytes(b"")
     with pytest.raises(setid.DataError, match="expected a MATLAB file"):
         setid.IOData.from_mat(tmp_path / "nothing.mat")
+    damaged = bytearray(path.read_bytes())
+    for place in range(128, min(len(damaged), 400)):  # byte 176 ended the process
+        changed = damaged[:place] + bytes([damaged[place] ^ 251]) + damaged[place + 1 :]
+        (tmp_path / "damaged.mat").write_bytes(changed)
+        with suppress(setid.DataError):
+            setid.IOData.from_mat(tmp_path / "damaged.mat")
     (tmp_path / "no.mat").write_text("not a MATLAB file at all, but long enough to be read" * 9)
     with pytest.raises(setid.DataError, match="expected a MATLAB file"):
         setid.IOData.from_mat(tmp_path / "no.mat")

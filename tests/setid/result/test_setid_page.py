@@ -67,7 +67,9 @@ def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
     data = setid.simulate_record(model, [-0.7, -0.4, 0.5, -0.8], u, noise, 1).data
     options = setid.Options(time_limit=20.0, progress=False)
     result = setid.identify(data, model, noise, setid.Stable(), options)
-    shown = captions(result.report(tmp_path / "out.html", time_limit=3.0))
+    path = result.report(tmp_path / "out.html", time_limit=3.0)
+    shown = captions(path)
+    assert "e1(k)" not in path.read_text(encoding="utf-8")  # there is no equation error
     assert shown.count("gain and phase, proved") == 2
     assert shown.count("response to a unit step, proved") == 2
     assert "prediction: readings and band" in shown and "one-step residuals" in shown[-1]
