@@ -101,10 +101,7 @@ class Identification:
             raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
-            for (group, channel, k), letter in self.record.letters.items():
-                if group in GROUPS:
-                    size = self.record.bounds[GROUPS[group]][channel - 1][k]
-                    self.whole &= self._bounds(letter - 1) == (-size, size)
+            self.whole = self._noise_as_stated()
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
         self._define()
@@ -244,6 +241,15 @@ class Identification:
         self.rounded |= slack > 0
         self.loose |= slack > abs(constant) / 2**52
         return "" if slack >= 0 and width else "tighter than the bound of the equation error"
+
+    def _noise_as_stated(self) -> bool:
+        """Check that unknowns of noise have exactly the stated bounds."""
+        return all(
+            self._bounds(letter - 1) == (-size, size)
+            for (group, channel, k), letter in self.record.letters.items()
+            if group in GROUPS
+            for size in [self.record.bounds[GROUPS[group]][channel - 1][k]]
+        )
 
     def _bounds(self, v: int) -> tuple[Any, Any]:
         """The bounds of an unknown, in units of the record."""
