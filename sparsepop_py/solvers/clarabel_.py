@@ -15,6 +15,7 @@ objectives, 2024.
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, replace
 from typing import Any
@@ -104,7 +105,7 @@ def run_clarabel(
     looks at the clock between iterations alone, and one of these may take longer than the limit.
     """
     limit = settings.time_limit
-    if limit is None or A.nnz < _LARGE:
+    if limit is None or A.nnz < _LARGE or not sys.executable:  # none where Python is embedded
         return _solved(hessian, q, A, b, cones, settings)
     start, earlier = time.monotonic(), replace(settings, time_limit=_EARLIER * limit)
     with Processes(1) as pool:
