@@ -30,7 +30,7 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
 
 
 def check_given(about: Any, inner: Any, field: str, free: list[str] | None = None) -> None:
-    """Check that nothing is given inside beside what is given around it, and nothing of some."""
+    """Check that what is given inside is given around it, and nothing of free parameters."""
     for v, name in enumerate(about.names):
         low, high = (-INF, INF) if name in (free or ()) else (side[v] for side in about.given)
         if inner.given[0][v] > low or inner.given[1][v] < high:

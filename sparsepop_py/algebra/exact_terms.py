@@ -78,19 +78,19 @@ def require_doubles(given: Any, field: str, error: type[Exception] = ProblemErro
     Parameters
     ----------
     given : array_like
-        Integers or floats; arrays of objects pass.
+        What is no number passes.
     field : str
         What the message calls it.
     error : type
         The exception to raise.
     """
     array = np.asarray(given)
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "iufO":
         return
-    values = array.astype(float)
-    large = np.isfinite(values) & (np.abs(values) >= 2.0**53)
-    if array.dtype.itemsize <= 8 and not np.any(large):
-        return
+    if array.dtype.kind != "O" and array.dtype.itemsize <= 8:
+        values = array.astype(float)
+        if not np.any(np.isfinite(values) & (np.abs(values) >= 2.0**53)):
+            return
     stated = np.asarray(given, object).ravel()  # beside floats numpy rounds integers
     for number in stated:
         if exact_fraction(number) is not None:

@@ -495,8 +495,8 @@ class Polynomial:
         ProblemError
             If exponents are negative or fractional, or the lengths differ.
         """
-        exact_terms.require_doubles(coefficients, "coefficients")
         values = np.atleast_1d(doubles(coefficients, "coefficients").copy()).ravel()
+        exact_terms.require_doubles(coefficients, "coefficients")
         table = exponents if sps.issparse(exponents) else np.atleast_2d(np.asarray(exponents))
         matrix = sps.csr_array(table)
         if matrix.shape[0] != values.size:

@@ -264,7 +264,7 @@ def row_prices(
     Returns
     -------
     (m,) float
-        Sizes, for rows in their units of a search; zeros where there is no solution.
+        Sizes, for rows as a search scales them; zeros where there is no solution.
     """
     search = _Search(problem, held, x, end)
     gradient = problem.objective_row.gradient(x) / _slope(problem, x, search.width, _TRUST)

@@ -388,3 +388,9 @@ def test_integers_beside_floats_are_looked_at_before_they_are_rounded():
         2.0**62,
         0.5,
     ]
+
+
+@pytest.mark.parametrize("number", [2**70 + 1, Fraction(1, 3)])
+def test_numbers_in_arrays_of_objects_are_looked_at(number):
+    with pytest.raises(sp.ProblemError, match="which no double holds"):
+        sp.Polynomial.from_terms([[1], [2]], [number, 0.5])

@@ -477,13 +477,14 @@ class Question:
                 else "; F = K (1 - M) is not stable after exact cancellation"
             ),
         )
-        rejected = not sum(factor.numerator) and abs(_at_one(self.reference)) >= 1
+        zero = stable and cancelled and not sum(factor.numerator)
+        rejected = zero and abs(_at_one(self.reference)) >= 1
         third = Condition(
             "3 (max abs(Delta) < 1)",
-            False if rejected and cancelled else None,
+            False if rejected else None,
             "at z = 1 F is zero, so that Delta = M there for every plant, and abs(M) >= 1; one "
             "more integrator of K changes that"
-            if rejected and cancelled
+            if rejected
             else "not proved",
         )
         return (first, second, third), factor

@@ -290,6 +290,14 @@ def test_small_gain_without_an_integrator_is_decided_in_rationals(gain: float) -
     assert other.verdict == "certified"
 
 
+def test_small_gain_with_a_reference_model_that_integrates_is_refused() -> None:
+    """M has no gain at z = 1; that it is not stable is said first."""
+    rng = np.random.default_rng(0)
+    data = setid.IOData(rng.uniform(-1, 1, 40), rng.uniform(-1, 1, 40))
+    found = control.stability_certificate(data, ([0.0], [1.0]), ([0, 1.0], [1, -1.0]), 1, 0.5)
+    assert found.verdict == "open" and found.reason.endswith("M is not stable")
+
+
 def test_wrong_orders_and_tolerances_are_named() -> None:
     data = setid.IOData(np.arange(20.0) % 3, np.arange(20.0) % 5)
     K, M = control.Transfer([0.1], [1, -1]), control.reference_model(rise=4.0)
