@@ -166,7 +166,7 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
         raise error(f"{field}: found a number beyond all doubles, expected a smaller one") from None
     if np.isnan(value):
         raise error(f"{field}: found {given!r}, expected a number")
-    if type(given) is not float:
+    if isinstance(given, (numbers.Integral, np.longdouble)):  # fractions mean the double nearby
         require_doubles(given, field, error)
     return value
 
