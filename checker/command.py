@@ -7,7 +7,7 @@ from typing import Any
 
 from .files import reading, text
 from .files.reading import Malformed, Problem
-from .files.tables import table_of
+from .files.tables import part_of, table_of
 from .rational import RationalProblem, check_rational_certificate, check_rational_result
 from .records.record import Identification
 from .records.structure import columns_of
@@ -15,11 +15,13 @@ from .result import NotProved, check_certificate, check_result, remarks
 
 USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
        check.py result.json
-       check.py [--record record.csv [--decimal ,] [--header LINES]] identification.json
+       check.py [--record record.csv [--decimal ,] [--header LINES] [--rows FIRST:END]]
+                identification.json
 
 --record   the table of samples, as separated by semicolons, tabs, commas or blanks
 --decimal  its decimal mark, . when left out
 --header   its lines before the first sample, comments left out, of which the first holds names
+--rows     the samples that were identified, from 0 to the one before END
 
 exit codes: 0 proved; 1 not proved; 2 malformed; 3 proved but for what is taken as given"""
 
@@ -64,7 +66,8 @@ def checked(arguments: list[str]) -> list[str]:
             path, count = options["--record"], options.get("--header")
             header = None if count is None else int(count)
             table = table_of(path, options.get("--decimal", "."), header)
-            return [*columns_of(about.record, path, *table), *about.check()]
+            names, columns = table[0], part_of(table[1], options.get("--rows", ":"))
+            return [*columns_of(about.record, path, names, columns), *about.check()]
     if options or not 1 <= len(arguments) <= 2:
         raise Malformed(USAGE)
     name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
@@ -92,7 +95,7 @@ def split_options(arguments: list[str]) -> tuple[dict[str, str], list[str]]:
     options, files, words = dict[str, str](), list[str](), list(arguments)
     while words:
         word = words.pop(0)
-        if word in ("--record", "--decimal", "--header") and words:
+        if word in ("--record", "--decimal", "--header", "--rows") and words:
             options[word] = words.pop(0)
         else:
             files.append(word)

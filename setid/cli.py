@@ -32,7 +32,7 @@ from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from setid.serve.server import serve
 from setid.study import Study
-from setid.verify_command import add_verify
+from setid.verify_command import add_verify, part_of
 from sparsepop_py.cli import (
     EXIT_INPUT,
     EXIT_MISSING,
@@ -189,23 +189,7 @@ def _record(arguments: argparse.Namespace) -> IOData:
         header=arguments.header,
         time=times,
     )
-    if arguments.rows is None:
-        return data
-    begin, stop = _rows(arguments.rows, data.samples)
-    data = data.split(stop)[0] if 0 < stop < data.samples else data
-    return data.split(begin)[1] if begin else data
-
-
-def _rows(given: str, samples: int) -> tuple[int, int]:
-    """The first row of a part of the record and the one behind it."""
-    try:
-        first, end = (int(text) if text else None for text in given.split(":"))
-    except ValueError:
-        raise DataError(f"--rows: found {given!r}, expected FIRST:END") from None
-    begin, stop, _ = slice(first, end).indices(samples)
-    if begin >= stop or any(abs(row) > samples for row in (first or 0, end or 0)):
-        raise DataError(f"--rows: found {given!r}, expected FIRST < END <= {samples}, the samples")
-    return begin, stop
+    return data if arguments.rows is None else part_of(data, arguments.rows)
 
 
 def _columns(given: list[str] | None) -> list[str | int]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from setid.data.record import IOData
 from setid.data.tables import has_names
-from setid.errors import SetidError
+from setid.errors import DataError, SetidError
 from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
@@ -17,7 +17,7 @@ from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.files import read_text
 from sparsepop_py.io.json_files.codecs import parsed
 
-__all__ = ["add_verify"]
+__all__ = ["add_verify", "part_of"]
 
 _TEXT = "check a stored identification again, without any solver"
 _CODES = """exit codes:
@@ -26,8 +26,8 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
 
 The program checker/ of the source distribution checks the same file, as
-  python checker/check.py --record RECORD.csv [--decimal ,] [--header LINES] FILE.json
-and shares no code.
+  python checker/check.py --record RECORD.csv FILE.json
+and takes the same options. It shares no code.
 """
 
 
@@ -51,6 +51,30 @@ def add_verify(commands: Any) -> None:
     )
     command.add_argument("--decimal", choices=(".", ","), default=".", help="its decimal mark (.)")
     command.add_argument("--header", type=int, metavar="LINES", help="2: names, then units")
+    command.add_argument("--rows", metavar="FIRST:END", help="the part that was identified")
+
+
+def part_of(data: IOData, given: str) -> IOData:
+    """Take the samples FIRST:END of a record, numbered from 0; END is the one behind the last.
+
+    Either may be left out, and counts from the end where it is negative, as in Python.
+
+    Raises
+    ------
+    DataError
+        If the text says no range, or one that holds no sample or leaves the record.
+    """
+    try:
+        first, end = (int(text) if text else None for text in given.split(":"))
+    except ValueError:
+        raise DataError(f"--rows: found {given!r}, expected FIRST:END") from None
+    begin, stop, _ = slice(first, end).indices(data.samples)
+    if begin >= stop or any(abs(row) > data.samples for row in (first or 0, end or 0)):
+        raise DataError(
+            f"--rows: found {given!r}, expected FIRST < END <= {data.samples}, the samples"
+        )
+    data = data.split(stop)[0] if stop < data.samples else data
+    return data.split(begin)[1] if begin else data
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -60,6 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
         data = _record(
             arguments.record, result.formulation.data, arguments.decimal, arguments.header
         )
+        data = data if arguments.rows is None else part_of(data, arguments.rows)
     verdict = verify(result.evidence, data)
     if not verdict.ok:
         print(f"NOT PROVED  {verdict.reason}")

@@ -32,6 +32,15 @@ def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], li
     return names, [[reading(field, decimal) for field in column] for column in columns]
 
 
+def part_of(columns: list[list[Any]], rows: str) -> list[list[Any]]:
+    """Take the samples FIRST:END of a table; either may be left out, as in Python."""
+    try:
+        first, end = (int(word) if word else None for word in rows.split(":"))
+    except ValueError:
+        raise Malformed(f"--rows: found {rows!r:.40}, expected FIRST:END") from None
+    return [column[first:end] for column in columns]
+
+
 def reading(field: str, decimal: str) -> Any:
     """Read a reading: None where it is missing, "no" where it is something else."""
     if field.lower() in MISSING:

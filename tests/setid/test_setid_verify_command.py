@@ -40,6 +40,25 @@ def test_both_checkers_confirm_the_file(
     assert done.returncode == 0 and "a1" in done.stdout
 
 
+@pytest.mark.parametrize("rows", ["1:", ":-1", "1:4"])
+def test_both_checkers_take_the_part_that_was_identified(
+    rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = tmp_path / "record.csv", tmp_path / "out.json"
+    record.write_text(ROWS)
+    bounds = [*ORDERS, "--equation-noise", "0.5", f"--rows={rows}", "--certificate", str(out)]
+    assert main(["identify", str(record), *bounds]) == 0
+    words = [sys.executable, str(ROOT / "checker/check.py"), "--record", str(record), str(out)]
+    for given, code in ((rows, 0), (":", 1), ("0:2", 1)):
+        assert main(["verify", str(out), "--record", str(record), f"--rows={given}"]) == code
+        done = subprocess.run([*words, "--rows", given], capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stdout
+    done = subprocess.run([*words, "--rows", "1-4"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "expected FIRST:END" in done.stdout
+    assert main(["verify", str(out), "--record", str(record), "--rows=3:2"]) == 2
+    assert "expected FIRST < END <= 4" in capsys.readouterr().err
+
+
 def test_what_a_file_assumes_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A prior in a file narrows the intervals, and texts in it are no lines of their own."""
     data = setid.IOData(
