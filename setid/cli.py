@@ -15,7 +15,7 @@ from setid.consistency import consistency
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.data.tables import has_names
-from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.errors import ModelError, NoiseError, SetidError
 from setid.identify import identify
 from setid.minimum_noise.consistency_result import Consistency
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method

@@ -182,8 +182,8 @@ class Fit:
         box = None if self.evidence is None else self.evidence.box
         if box is None or not np.all(np.isfinite([box.lower, box.upper])):
             return (
-                "in the time given no finite box of the parameters was found to search in; priors "
-                "such as Box and Stable give one"
+                "no finite box of the parameters was found in which errors are this small, and "
+                "that could be searched; priors such as Box and Stable give one"
             )
         return "give more time, or priors that leave less to search"
 

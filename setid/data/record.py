@@ -223,7 +223,7 @@ class IOData:
             the units. By default one if the first line holds no number.
         time : str or int, optional
             A column of times. They must agree with ``Ts``, without gaps or drift; their jitter
-            stands in ``assumptions``.
+            stands in ``assumptions``. Dates of ISO 8601 count in seconds.
         time_unit : str
             Unit of the times.
 
@@ -243,8 +243,7 @@ class IOData:
         array([0. , nan, 0.7])
         """
         left, right = listed(inputs), listed(outputs)
-        clock = [] if time is None else [time]
-        table = read_table(path, [*left, *right, *clock], decimal, header)
+        table = read_table(path, [*left, *right], decimal, header, time)
         count, end = len(left), len(left) + len(right)
         u, y = stacked(table.columns[:count]), stacked(table.columns[count:end])
         notes = table.skipped
@@ -261,7 +260,7 @@ class IOData:
             output_names=None if names is None else names[count:end],
             input_units=None if units is None else units[:count],
             output_units=None if units is None else units[count:end],
-            time_unit=time_unit or (units[-1] if units is not None and clock else ""),
+            time_unit=time_unit or (units[-1] if units is not None and time is not None else ""),
         )
 
     @classmethod

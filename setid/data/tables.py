@@ -14,6 +14,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,11 @@ class Table:
 
 
 def read_table(
-    path: PathLike, columns: Sequence[Column], decimal: str = ".", header: int | None = None
+    path: PathLike,
+    columns: Sequence[Column],
+    decimal: str = ".",
+    header: int | None = None,
+    time: Column | None = None,
 ) -> Table:
     """Read columns of a text table.
 
@@ -76,6 +81,9 @@ def read_table(
     header : int, optional
         Number of lines before the first sample, blank lines and comments left out; the first of
         them holds the names. By default one if the first line holds no number, else none.
+    time : str or int, optional
+        A further column, the last of the table that is returned. Dates of ISO 8601, such as
+        2026-03-01T12:00:00.5, count in seconds since the first.
 
     Raises
     ------
@@ -102,9 +110,13 @@ def read_table(
     _refuse_samples_in_headers(path, rows[1:names_at], decimal)
     names = [field.strip() for field in rows[0][1]] if names_at else None
     _refuse_samples_in_comments(path, lines[:begin], separator, width, decimal)
-    places = [_place(path, column, names, width) for column in columns]
-    check_distinct(path, columns, places)
-    values = _samples(path, lines[begin + names_at :], rows[names_at:], places, width, decimal)
+    asked = [*columns] if time is None else [*columns, time]
+    places = [_place(path, column, names, width) for column in asked]
+    check_distinct(path, asked, places)
+    samples = rows[names_at:]
+    if time is not None:
+        samples = _with_seconds(path, samples, places[-1], decimal)
+    values = _samples(path, lines[begin + names_at :], samples, places, width, decimal)
     skipped = _skipped(path, lines[:begin], rows[1:names_at] if names_at else [])
     if separator == "," and names is None:
         skipped += _doubtful_commas(path, rows)
@@ -341,6 +353,39 @@ def _samples(
                 )
             values[row, out] = value
     return values
+
+
+def _with_seconds(
+    path: PathLike, rows: list[tuple[int, list[str]]], place: int, decimal: str
+) -> list[tuple[int, list[str]]]:
+    """Write the dates of a column as seconds since the first; other fields stay as they are."""
+    first: datetime | None = None
+    found = []
+    for number, fields in rows:
+        moment = _date(fields[place], decimal) if place < len(fields) else None
+        if moment is not None:
+            first = moment if first is None else first
+            try:
+                seconds = (moment - first).total_seconds()
+            except TypeError:
+                raise DataError(
+                    f"{path}, line {number}, column {place}: found {_quoted(fields[place])}, "
+                    "expected dates all with a time zone, or all without"
+                ) from None
+            text = repr(seconds).replace(".", decimal)
+            fields = [*fields[:place], text, *fields[place + 1 :]]
+        found.append((number, fields))
+    return found
+
+
+def _date(field: str, decimal: str) -> datetime | None:
+    """The moment that a field says, None where it is no date."""
+    if _value(field, decimal) is not None:
+        return None
+    try:
+        return datetime.fromisoformat(field.strip())
+    except ValueError:
+        return None
 
 
 # ---- columns ----------------------------------------------------------------------------

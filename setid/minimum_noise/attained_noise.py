@@ -78,10 +78,7 @@ class AttainedNoise:
         deadline : Deadline
             Of the whole search.
         """
-        left = deadline.left
-        drawing, descending = (
-            Deadline(None if left is None else part * left) for part in (_DRAWING, _EXPLORING)
-        )
+        drawing, descending = deadline.part(_DRAWING), deadline.part(_EXPLORING)
         random, n = np.random.default_rng(_SEED), self._order
         tried = []
         for _ in range(_RANDOM * n):

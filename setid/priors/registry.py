@@ -106,7 +106,10 @@ def read_prior(text: str) -> Prior:
     except (ValueError, TypeError) as error:
         if isinstance(error, PriorError):
             raise
-        raise PriorError(f"prior: found {text!r}, which cannot be read: {error}") from None
+        why = str(error)
+        if why.startswith("malformed node"):  # a message of ast, about objects of its own
+            why = "expected numbers, texts in quotes, None, and lists, tuples and dicts of these"
+        raise PriorError(f"prior: found {text!r}, which cannot be read: {why}") from None
     return prior
 
 

@@ -23,6 +23,7 @@ __all__ = ["FloatPropagation"]
 
 Floats = NDArray[np.float64]
 _ROUNDING = 1e-9  # relative: a row that is violated by less may hold
+_GAIN = 0.02  # of a width: sweeps that gain less are the last
 _DIGITS = 1e-3  # of that: the rounding of a sum
 
 
@@ -76,7 +77,7 @@ class FloatPropagation:
         return one, two, model.column[one], vertex
 
     def sweeps(
-        self, low: Floats, high: Floats, cutoff: float, most: int, gain: float = 0.02
+        self, low: Floats, high: Floats, cutoff: float, most: int
     ) -> tuple[Floats, Floats, int, bool]:
         """Propagate up to ``most`` times while widths shrink by a share.
 
@@ -86,7 +87,6 @@ class FloatPropagation:
         cutoff : float
             Upper end of the objective, +inf without one.
         most : int
-        gain : float
 
         Returns
         -------
@@ -101,7 +101,7 @@ class FloatPropagation:
                 if empty:
                     return low, high, number + 1, True
                 width, left = high - low, new_high - new_low
-                if not np.any((width - left > gain * width) & (width > 1e-9)):
+                if not np.any((width - left > _GAIN * width) & (width > 1e-9)):
                     return low, high, number, False
                 low, high = new_low, new_high
         return low, high, most, False

@@ -179,7 +179,7 @@ def _renamed(basis: Words, members: NDArray[np.int64]) -> Words:
     return np.where(basis > 0, local, 0).astype(np.int32)
 
 
-def extract(matrices: NDArray[np.float64], words: Words, tolerance: float = _RANK) -> list[Points]:
+def extract(matrices: NDArray[np.float64], words: Words) -> list[Points]:
     """Extract the atoms of the measures behind moment matrices of one pattern.
 
     The atoms are found if a matrix is flat: its rank is that of the rows whose products
@@ -191,8 +191,6 @@ def extract(matrices: NDArray[np.float64], words: Words, tolerance: float = _RAN
     matrices : (B, s, s) float
     words : (s, D) int32
         Monomials of their rows, in letters 1..k: the constant first, and each letter.
-    tolerance : float
-        Rank threshold relative to the largest eigenvalue.
 
     Returns
     -------
@@ -221,14 +219,14 @@ def extract(matrices: NDArray[np.float64], words: Words, tolerance: float = _RAN
     good = (good + good.transpose(0, 2, 1)) / (2 * good[:, :1, :1])
     shifted = _shifts(words, letters)
     values, vectors = np.linalg.eigh(good)
-    rank = np.sum(values > tolerance * values[:, -1:], axis=1)
+    rank = np.sum(values > _RANK * values[:, -1:], axis=1)
     single = _single_atoms(vectors[:, :, -1], shifted)
     for k, place in enumerate(np.flatnonzero(sound).tolist()):
         if rank[k] == 1 and single is not None:
             points[place] = [single[k]]
             continue
         factor = vectors[k][:, -rank[k] :] * np.sqrt(values[k][-rank[k] :])
-        found = _atoms(factor, shifted, tolerance)  # matrix = factor factor'
+        found = _atoms(factor, shifted)  # matrix = factor factor'
         if found is not None:
             points[place] = _by_weight(found, good[k][0], words)
         else:
@@ -332,7 +330,7 @@ def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
     return np.where(keys[row] == wanted, row, -1).reshape(members.size, -1)
 
 
-def _atoms(factor: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
+def _atoms(factor: NDArray[Any], shifted: NDArray[Any]) -> NDArray[Any] | None:
     """Compute the atoms (rank, k) of factor factor', None if not flat."""
     rank = factor.shape[1]
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
@@ -341,7 +339,7 @@ def _atoms(factor: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDA
     # Rows of `factor` that span the others serve as the pivots of the column
     # echelon form; pivoted QR chooses them, which amplifies noise least.
     _, triangle, pivot = linalg.qr(factor[inner].T, mode="economic", pivoting=True)
-    if abs(triangle[rank - 1, rank - 1]) <= np.sqrt(tolerance) * abs(triangle[0, 0]):
+    if abs(triangle[rank - 1, rank - 1]) <= np.sqrt(_RANK) * abs(triangle[0, 0]):
         return None
     pivots = inner[pivot[:rank]]
     echelon = linalg.solve(factor[pivots].T, factor.T).T  # words = echelon @ words[pivots]

@@ -51,9 +51,11 @@ def test_both_checkers_take_the_part_that_was_identified(
     words = [sys.executable, str(ROOT / "checker/check.py"), "--record", str(record), str(out)]
     for given, code in ((rows, 0), (":", 1), ("0:2", 1)):
         assert main(["verify", str(out), "--record", str(record), f"--rows={given}"]) == code
-        done = subprocess.run([*words, "--rows", given], capture_output=True, text=True, check=False)
+        asked = [*words, "--rows", given]
+        done = subprocess.run(asked, capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stdout
-    done = subprocess.run([*words, "--rows", "1-4"], capture_output=True, text=True, check=False)
+    asked = [*words, "--rows", "1-4"]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "expected FIRST:END" in done.stdout
     assert main(["verify", str(out), "--record", str(record), "--rows=3:2"]) == 2
     assert "expected FIRST < END <= 4" in capsys.readouterr().err

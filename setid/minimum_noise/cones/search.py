@@ -187,9 +187,8 @@ class _Search:
         the time allows. Each time all cones are refuted before any is refuted further: the worst
         one is near the others.
         """
-        left = self._deadline.left
-        if left is not None:
-            self._until = Deadline(_DIRECT_TIME * left)
+        if self._deadline.left is not None:
+            self._until = self._deadline.part(_DIRECT_TIME)
         self._reach(self._tol)
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:

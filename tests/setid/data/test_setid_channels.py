@@ -240,3 +240,22 @@ def test_names_of_tables_are_those_of_channels_and_second_names_are_units() -> N
 def test_messages_say_what_to_tell(tmp_path: Path, lines: str, hint: str) -> None:
     with pytest.raises(setid.DataError, match=hint):
         setid.IOData.from_csv(european(tmp_path, "t;u;y\n" + lines), "u", "y")
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_dates_of_a_table_count_in_seconds(decimal: str, tmp_path: Path) -> None:
+    path = tmp_path / "dated.csv"
+    moments = ("2026-02-28T23:59:59.75", "2026-03-01 00:00:00.250000", "2026-03-01T00:00:00.75", "")
+    lines = [f"{moment};{k % 3};{k}" for k, moment in enumerate(moments)]
+    path.write_text("\n".join(["when;valve;level", *lines[:3]]))
+    data = setid.IOData.from_csv(path, "valve", "level", decimal=decimal, time="when")
+    assert data.Ts == 0.5 and data.assumptions == ()
+    path.write_text("\n".join(["when;valve;level", *lines]))
+    with pytest.raises(setid.DataError, match="no time at sample 3"):
+        setid.IOData.from_csv(path, "valve", "level", decimal=decimal, time="when")
+    path.write_text("\n".join(["when;valve;level", *lines[:2], "2026-03-01T00:00:00.75Z;1;2"]))
+    with pytest.raises(setid.DataError, match=r"line 4, column 0: .* all with a time zone"):
+        setid.IOData.from_csv(path, "valve", "level", decimal=decimal, time="when")
+    path.write_text("\n".join(["when;valve;level", *lines[:2], "2026-02-30T00:00:00;1;2"]))
+    with pytest.raises(setid.DataError, match="line 4, column 0: .* expected a number"):
+        setid.IOData.from_csv(path, "valve", "level", decimal=decimal, time="when")

@@ -56,7 +56,7 @@ def test_every_public_prior_can_be_read() -> None:
         ("1 + 1", "expected a call"),
         ("os.remove('x')", "expected a call"),
         ("Stabel()", "found 'Stabel', expected one of Box"),
-        ("Stable(margin=open('x'))", "cannot be read"),
+        ("Stable(margin=open('x'))", "cannot be read: expected numbers, texts in quotes"),
         ("Stable(edge=1)", "cannot be read"),
         ("Stable(2.0, form=3)", "form: found 3"),
     ],
