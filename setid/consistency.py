@@ -323,7 +323,7 @@ def _by_denominators(
         return formulate(data, model, scaled_noise(bounds, factor), priors)
 
     given = stated(1.0)
-    refuted, best = _refuted_denominators(given, settings, deadline.end)
+    refuted, best = _refuted_denominators(given, settings, deadline)
     formulation, limit, theta, witness, high = given, 1.0, None, None, inf
     for level, x in _estimates(data, given, deadline, best):
         limit = max(level * (1.0 + 1e-3), rounding_factor(data, bounds))
@@ -350,7 +350,7 @@ def _by_denominators(
 
 
 def _refuted_denominators(
-    formulation: Formulation, settings: Options, until: float
+    formulation: Formulation, settings: Options, deadline: Deadline
 ) -> tuple[Refuted | None, tuple[NDArray[np.float64], ...]]:
     """The largest factor that an output refutes, and denominators to begin from."""
     refuted, outputs = None, formulation.model.outputs
@@ -359,12 +359,11 @@ def _refuted_denominators(
         share, tol = _ROWS, _NEAR * settings.tol
     best: tuple[NDArray[np.float64], ...] = ()
     for output in range(outputs):
-        left = (until - time.monotonic()) * share / (outputs - output)
         rows = output_rows(formulation, output)
         assert rows is not None
-        deadline = Deadline(None if left == inf else max(left, 0.0))
         executor = None if settings.engine is None else settings.engine.executor
-        found = least_output_noise(rows, output, tol, deadline, executor)
+        part = deadline.part(share / (outputs - output))
+        found = least_output_noise(rows, output, tol, part, executor)
         if found.cells is not None and (refuted is None or found.factor > refuted[0]):
             refuted = found.factor, found.cells
         best = found.best[:_STARTS] if outputs == 1 else ()

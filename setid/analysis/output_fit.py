@@ -102,7 +102,8 @@ def least_output_errors(
     formulation = without_partial_outputs(stated(data, model, priors, 1.0), from_rest=True)
     model = formulation.model
     local = output_error_fit(data, model, until)
-    refuted = _refuted(formulation, norm, settings, until)
+    searched = Deadline(None if until == inf else _CELLS * max(until - time.monotonic(), 1e-3))
+    refuted = _refuted(formulation, norm, settings, searched)
     fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
     fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
     theta, outputs = fits[0]
@@ -115,7 +116,7 @@ def least_output_errors(
         known = known or found
     error, low, attained = _norm(data.y - outputs, norm), 0.0, False
     if known is not None:
-        late = time.monotonic() >= until
+        late = searched.stopped or time.monotonic() >= until
         if not late and (known.attained is None or known.level < (1.0 - settings.tol) * error):
             known = _by_engine(known, outputs, (theta, settings, until))
         low = output_bound(known)
@@ -170,14 +171,13 @@ def _known(
 
 
 def _refuted(
-    formulation: Formulation, norm: Norm, settings: Options, until: float
+    formulation: Formulation, norm: Norm, settings: Options, deadline: Deadline
 ) -> FoundDenominators:
     """Refute errors by cones of denominators, where there is one output."""
     rows = error_rows(formulation, norm, 1.0)
     if rows is None or rows.order == 0:
         return FoundDenominators(0.0, None, ())
-    left = None if until == inf else _CELLS * max(until - time.monotonic(), 1e-3)
-    return least_output_noise(rows, 0, _PART * settings.tol, Deadline(left))
+    return least_output_noise(rows, 0, _PART * settings.tol, deadline)
 
 
 def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0) -> Reals:

@@ -23,7 +23,7 @@ from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline
 
 __all__ = ["by_corners"]
 
@@ -84,7 +84,14 @@ class _Search:
             enough = low >= min((1.0 - self._tol) * self._level, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
-            self._split(low, number, cone, edge)
+            kept = len(self._cells), self._cells[number]
+            try:
+                self._split(low, number, cone, edge)
+            except EARLY as cause:  # the cone stays whole
+                self._deadline.ended(cause)
+                del self._cells[kept[0] :], self._proved[kept[0] :]
+                self._cells[number] = kept[1]
+                break
         none = np.zeros((0, self._rows.y.size))
         assert self._programs.free is not None
         claim = VaryingCells(self._output, self._programs.free, none, tuple(self._cells))

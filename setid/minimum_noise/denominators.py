@@ -26,7 +26,7 @@ from setid.minimum_noise.programs import Programs, programs_of, shifted
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline
 
 __all__ = ["FoundDenominators", "least_output_noise"]
 
@@ -84,13 +84,16 @@ def least_output_noise(
         return by_corners(rows, programs, output, tol, deadline)
     if rows.norm == "l2":  # its multipliers change smoothly: a few for each cone are enough
         return _Search(rows, programs, output, tol, deadline).run()
-    left = deadline.left
-    alone = Deadline(_FIRST * (_ALONE if left is None else left))
+    alone = deadline.part(_FIRST, _FIRST * _ALONE)
     first = _Search(rows, programs, output, tol, alone)
     found = first.run()
-    if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best:
+    if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best or deadline.stopped:
         return found
-    more = follow_denominators(rows, programs, output, tol, deadline, found.best, executor)
+    try:
+        more = follow_denominators(rows, programs, output, tol, deadline, found.best, executor)
+    except EARLY as cause:
+        deadline.ended(cause)
+        return found
     best = more.best or found.best
     larger = max(found, more, key=lambda one: one.factor)
     return replace(larger, best=best)
@@ -123,7 +126,14 @@ class _Search:
             enough = low >= min(self.target, self._cap)
             if enough or self._deadline.over or len(self._multipliers) >= self._most:
                 break
-            self._split(node, low)
+            kept = len(self._cells), self._cells[node.number]
+            try:
+                self._split(node, low)
+            except EARLY as cause:  # the cone stays whole
+                self._deadline.ended(cause)
+                del self._cells[kept[0] :], self._proved[kept[0] :]
+                self._cells[node.number] = kept[1]
+                break
         return self._found()
 
     @property

@@ -12,8 +12,9 @@ from __future__ import annotations
 import copy
 import heapq
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +31,7 @@ from setid.proofs.denominators.cones import first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.errors import SparsePOPError
 from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
@@ -131,6 +132,14 @@ class _Search:
         full = len(self._multipliers) * 8.0 * self._programs.y.size > _MOST_BYTES
         return full or self._until.over
 
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
+        """End the search where the user or a limit ends work on a cone, and keep the others."""
+        try:
+            yield
+        except EARLY as cause:
+            self._deadline.ended(cause)
+
     def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
@@ -143,7 +152,9 @@ class _Search:
     def _refute(self, cones: Sequence[tuple[int, float]]) -> None:
         """Refute the target in cones; put others in the queue, each with its whole's factor."""
         if not self._ended:
-            self._solve([n for n, _ in cones if self._proved[n] < self.target < self._failed[n]])
+            asked = [n for n, _ in cones if self._proved[n] < self.target < self._failed[n]]
+            with self._kept():
+                self._solve(asked)
         for number, least in cones:
             low = max(least, self._proved[number])
             if low < self.target and self._splits[number] is None:
@@ -157,7 +168,8 @@ class _Search:
             found = map_in_order(self._executor, examined, tasks)
         except SparsePOPError:  # the executor takes no tasks any more
             self._executor, self._ahead = None, 1
-            found = [examined(task) for task in tasks]
+            self._solve(numbers)
+            return
         for number, one in zip(numbers, found, strict=True):
             self._keep(number, one, target)
 
@@ -242,7 +254,8 @@ class _Search:
             if not halves:
                 break
             self._refute(halves)
-            self._attained.descend(self._deadline)
+            with self._kept():
+                self._attained.descend(self._deadline)
 
     def _split(self, number: int) -> tuple[int, ...]:
         """Split a cone at an edge between vectors that are hard to refute together."""

@@ -1,0 +1,87 @@
+"""An interrupt of a search over denominators keeps what was refuted before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import setid
+from setid.minimum_noise import denominators as all_norms
+from setid.minimum_noise.cones import search as varying
+from setid.minimum_noise.programs import Programs
+from setid.proofs.least_noise.least_error import error_rows, stated
+from sparsepop_py.budget import Deadline
+
+MODEL = setid.TransferFunction(2, 2, 1)
+TOL = 1e-3
+
+
+def record() -> setid.IOData:
+    source = np.random.default_rng(4)
+    u = source.uniform(-1.0, 1.0, 60)
+    clean = setid.simulate(MODEL, (-1.2, 0.5, 1.0, 0.3), u).ravel()
+    return setid.IOData(u, clean + source.uniform(-0.2, 0.2, 60))
+
+
+def interrupted(work: Callable[..., Any], at: int) -> Callable[..., Any]:
+    """The same work, which the user interrupts at a call."""
+    calls = iter(range(at))
+
+    def counted(*given: Any, **named: Any) -> Any:
+        if next(calls, None) is None:
+            raise KeyboardInterrupt
+        return work(*given, **named)
+
+    return counted
+
+
+@pytest.mark.parametrize(
+    ("norm", "early", "late"), [("l1", 80, 160), ("l2", 15, 25), ("linf", 40, 80)]
+)
+def test_cones_that_were_refuted_are_kept(
+    norm: Literal["l1", "l2", "linf"], early: int, late: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More is refuted the later the interrupt is, and never more than without one."""
+    formulation = stated(record(), MODEL, (setid.Stable(),), 1.0)
+    rows = error_rows(formulation, norm, 1.0)
+    assert rows is not None
+    search = partial(all_norms.least_output_noise, rows, 0, TOL)
+    most, factors = search(Deadline(60.0)).factor, []
+    for calls in (early, late):
+        with monkeypatch.context() as patch:
+            patch.setattr(Programs, "solve", interrupted(Programs.solve, calls))
+            deadline = Deadline(60.0)
+            found = search(deadline)
+        assert deadline.stopped
+        factors.append(found.factor)
+    assert 0.0 < factors[0] <= factors[1] <= most
+
+
+def test_cones_whose_multipliers_vary_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(all_norms, "_FIRST", 1e-9)  # multipliers that vary come at once
+    rows = error_rows(stated(record(), MODEL, (setid.Stable(),), 1.0), "linf", 1.0)
+    assert rows is not None
+    search = partial(all_norms.least_output_noise, rows, 0, TOL)
+    factors = []
+    for calls in (10, 20):
+        with monkeypatch.context() as patch:
+            patch.setattr(varying, "examined", interrupted(varying.examined, calls))
+            deadline = Deadline(60.0)
+            factors.append(search(deadline).factor)
+        assert deadline.stopped
+    assert 0.0 < factors[0] < factors[1]
+
+
+def test_a_fit_ends_with_its_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It does not go on to the engine, and its bound is proved."""
+    data = record()
+    monkeypatch.setattr(Programs, "solve", interrupted(Programs.solve, 160))
+    monkeypatch.setattr("setid.analysis.output_fit._by_engine", lambda *_: pytest.fail("went on"))
+    fit = setid.fit(data, MODEL, norm="l1", priors=[setid.Stable()])
+    monkeypatch.undo()
+    assert 0.0 < fit.lower_bound < fit.error
+    assert fit.verify(data)
