@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,9 +106,9 @@ def conflicting_samples(
     try:
         while size and time.monotonic() < end:
             for part in _parts(keys, size):
-                left = end - time.monotonic()
                 rest = tuple(key for key in keys if key not in part)
-                if left > 0 and rest and _proved_empty(formulation, known, rest, options, left):
+                late = time.monotonic() >= end
+                if not late and rest and _proved_empty(formulation, known, rest, options, end):
                     keys = rest
             size //= 2
     except KeyboardInterrupt:
@@ -127,10 +128,10 @@ def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
 
 
 def _proved_empty(
-    formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, seconds: float
+    formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, until: float
 ) -> bool:
     """Prove that the rows of some samples have no common point."""
-    problem, box = formulation.problem, _box(known, set(kept), start_of(formulation))
+    problem, box = formulation.problem, _box(known, set(kept), start_of(formulation), until)
     if box.empty or options is None:
         return box.empty
     if not np.all(np.isfinite(box.lower) & np.isfinite(box.upper)):
@@ -140,17 +141,18 @@ def _proved_empty(
     rows = [row for row, key in zip(problem.constraints, keys, strict=True) if key in stays]
     part = sp.Problem(0.0 * problem.objective, rows, problem.lower, problem.upper, problem.names)
     about = in_units(problem_on_box(replace(formulation, problem=part), box), formulation).problem
-    return sp.solve(about, replace(options, time_limit=seconds)).status is sp.Status.INFEASIBLE
+    left = max(until - time.monotonic(), 1e-3)
+    return sp.solve(about, replace(options, time_limit=left)).status is sp.Status.INFEASIBLE
 
 
 def _box(
-    known: Known, kept: set[tuple[int, int]], start: NDArray[np.float64]
+    known: Known, kept: set[tuple[int, int]], start: NDArray[np.float64], until: float = inf
 ) -> ParameterBox | LiftedBox:
     """The box that the rows of some samples give."""
     if isinstance(known, ProductRows):
         assert isinstance(known.regression, Regression)
-        return lifted_box(replace(known, regression=_part(known.regression, kept)), start)
-    return parameter_box(_part(known, kept), start)
+        return lifted_box(replace(known, regression=_part(known.regression, kept)), start, until)
+    return parameter_box(_part(known, kept), start, until)
 
 
 def _part(rows: Regression, kept: set[tuple[int, int]]) -> Regression:
