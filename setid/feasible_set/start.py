@@ -14,7 +14,7 @@ from sparsepop_py.uncertain_rows.directions import direction_box
 from sparsepop_py.uncertain_rows.lifted_products import complete_box, lifted_box
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
-__all__ = ["find_box", "parameter_box"]
+__all__ = ["find_box"]
 
 
 def find_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:

@@ -28,7 +28,7 @@ from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, 
 from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.budget import EARLY, Deadline
 
-__all__ = ["FoundDenominators", "least_output_noise"]
+__all__ = ["least_output_noise"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
