@@ -294,8 +294,9 @@ def _solve_apart(
 ) -> list[Result]:
     """Solve problems as tasks of their own."""
     results = map_in_order(executor, _solve_task, tasks)
-    for number, each in enumerate(results if on_progress is not None else ()):
-        on_progress(number, each.lower_bound, each.upper_bound)  # type: ignore[misc]
+    if on_progress is not None:
+        for number, each in enumerate(results):
+            on_progress(number, each.lower_bound, each.upper_bound)
     return results
 
 
