@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sparsepop_py.budget import cpu_seconds
+
 __all__ = ["Watch", "watched"]
 
 _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -38,12 +40,12 @@ def watched() -> Iterator[Watch]:
     """
     watch = Watch()
     forgotten = _forget_peak()
-    start, begin = time.process_time(), time.monotonic()
+    start, begin = cpu_seconds(), time.monotonic()
     try:
         yield watch
     finally:
         watch.wall = time.monotonic() - begin
-        watch.seconds = time.process_time() - start
+        watch.seconds = cpu_seconds() - start
         watch.peak_mb = _peak_of_block() if forgotten else _peak_of_process()
 
 

@@ -6,13 +6,13 @@ that CPU time and 0.2 seconds, and its bound is put beside the plain one. Repeat
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median_low
 
 import sparsepop_py as sp
+from sparsepop_py.budget import cpu_seconds
 
 from ..measuring.registry import Family, Selection
 from .text import number, table
@@ -94,8 +94,8 @@ def _median(problem: sp.Problem, options: sp.Options, repeat: int) -> tuple[sp.R
 
 
 def _timed(problem: sp.Problem, options: sp.Options) -> tuple[sp.Result, float]:
-    start = time.process_time()
-    return sp.solve(problem, options), time.process_time() - start
+    start = cpu_seconds()
+    return sp.solve(problem, options), cpu_seconds() - start
 
 
 def beside_table(rows: Sequence[Beside]) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import math
-import time
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import sparsepop_py as sp
+from sparsepop_py.budget import cpu_seconds
 from sparsepop_py.verified.arithmetic.display import rounded
 
 from ..errors import BenchmarkError
@@ -96,7 +96,7 @@ def compare_sizes(
 def _compared(
     name: str, problem: sp.Problem, param: dict[str, float], known: Reference | None, solve: bool
 ) -> Compared:
-    start = time.process_time()
+    start = cpu_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sp.ParameterWarning)
         given = {"printLevel": 0, "tighten": 0, "SDPsolverSW": int(solve), **param}
@@ -114,7 +114,7 @@ def _compared(
         sizes,
         math.nan if value is None else value,
         math.nan if proved is None else proved,
-        time.process_time() - start,
+        cpu_seconds() - start,
         known,
     )
 

@@ -18,7 +18,7 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress
-from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.budget import EARLY, Deadline, cpu_seconds
 
 __all__ = ["BoundingContext"]
 
@@ -63,11 +63,11 @@ class BoundingContext:
         stage : str
         work : callable
         """
-        begin = time.process_time()
+        begin = cpu_seconds()
         try:
             return work()
         finally:
-            spent = time.process_time() - begin
+            spent = cpu_seconds() - begin
             self.timings[stage] = self.timings.get(stage, 0.0) + spent
             _LOG.debug("%s: %.3f CPU seconds", stage, spent)
 

@@ -11,7 +11,6 @@ import importlib
 import inspect
 import os
 import re
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import Deadline, cpu_seconds
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
 from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput
 from sparsepop_py.compat.param import Parameters, read_parameters
@@ -104,9 +103,9 @@ def _polynomial(problem: Problem | RationalProblem) -> Problem:
 
 
 def _of_structs(given: tuple[Any, ...], source: str | None) -> Input:
-    start = time.process_time()
+    start = cpu_seconds()
     problem = from_structs(*given)
-    spent = time.process_time() - start
+    spent = cpu_seconds() - start
     return Input(problem, source, spent if problem.squares else None)
 
 
@@ -253,7 +252,7 @@ def sparsePOP(
     >>> abs(value + 1) < 1e-6, POP.status, POP.xVect.round(6)
     (True, <Status.OPTIMAL: 'OPTIMAL'>, array([1.]))
     """
-    start = time.process_time()
+    start = cpu_seconds()
     read, param = read_input(objPoly, ineqPolySys, lbd, ubd, param)
     parameters = read_parameters(param, strict, stacklevel=3)
     options = parameters.options
@@ -262,7 +261,7 @@ def sparsePOP(
     problem = given.problem
     _check_sizes(parameters, problem)
     check_files(parameters)
-    spent = time.process_time() - start
+    spent = cpu_seconds() - start
     larger = with_tolerance(problem, parameters.eqTolerance, bool(parameters.scalingSW))
     asked = bool(parameters.SDPsolverSW)
     result = solve(larger, parameters.options) if asked else _unsolved(larger, parameters.options)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import cpu_seconds
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -84,7 +85,7 @@ class _RationalSearch:
             (name, clock, np.inf if given is None else clock() + given)
             for name, clock, given in (
                 ("time_limit", time.monotonic, options.time_limit),
-                ("cpu_limit", time.process_time, options.cpu_limit),
+                ("cpu_limit", cpu_seconds, options.cpu_limit),
             )
         ]
         self.interrupted = False

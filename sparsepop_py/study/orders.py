@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import os
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from sparsepop_py import plots
+from sparsepop_py.budget import cpu_seconds
 from sparsepop_py.errors import ProblemError, check_kind, entries_of
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
@@ -288,9 +288,9 @@ def compare_orders(
     _load()
     rows = []
     for order, effort, each, setting in chosen:
-        start = time.process_time()
+        start = cpu_seconds()
         result = solve(problem, setting)
-        rows.append(OrderRow(effort, each, order, result, time.process_time() - start))
+        rows.append(OrderRow(effort, each, order, result, cpu_seconds() - start))
     return OrderComparison(problem, tuple(rows))
 
 

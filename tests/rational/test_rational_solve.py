@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.budget import charge
 from sparsepop_py.rational.descent import descended, sampled
+from sparsepop_py.rational.solve import solve_rational
 
 
 def closed(problem, value, options=None, accuracy=3e-6):
@@ -206,3 +208,19 @@ def test_a_level_is_a_double():
     result = sp.solve(sp.parse("min x/(2 + x^2); s.t. x^2 <= 1"))
     with pytest.raises(sp.ProblemError, match="level: found"):
         replace(result.certificate, level=2**60 + 127)
+
+
+def test_cpu_seconds_that_solvers_spend_elsewhere_count():
+    """Large programs are solved in a process of their own; what it spends is of the limit."""
+    asked = []
+
+    def solved(problem, options, **named):
+        asked.append(options.cpu_limit)
+        charge(3.0)
+        return sp.solve(problem, options, **named)
+
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(y / (x + 2), [x**2 + y**2 <= 1])  # two levels at least
+    solve_rational(problem, sp.Options(cpu_limit=100.0), None, solved)
+    assert len(asked) > 1
+    assert all(later <= earlier - 3.0 for earlier, later in zip(asked, asked[1:], strict=False))
