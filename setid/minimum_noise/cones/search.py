@@ -12,9 +12,8 @@ from __future__ import annotations
 import copy
 import heapq
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -132,29 +131,19 @@ class _Search:
         full = len(self._multipliers) * 8.0 * self._programs.y.size > _MOST_BYTES
         return full or self._until.over
 
-    @contextmanager
-    def _kept(self) -> Iterator[None]:
-        """End the search where the user or a limit ends work on a cone, and keep the others."""
-        try:
-            yield
-        except EARLY as cause:
-            self._deadline.ended(cause)
-
     def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
         self._wholes.append(whole)
         self._leaves.append(_OPEN_LEAF)
-        self._proved.append(0.0)
         self._failed.append(np.inf)
         self._splits.append(None)
+        self._proved.append(0.0)  # last: what is stated are the cones that have it
 
     def _refute(self, cones: Sequence[tuple[int, float]]) -> None:
         """Refute the target in cones; put others in the queue, each with its whole's factor."""
         if not self._ended:
-            asked = [n for n, _ in cones if self._proved[n] < self.target < self._failed[n]]
-            with self._kept():
-                self._solve(asked)
+            self._solve([n for n, _ in cones if self._proved[n] < self.target < self._failed[n]])
         for number, least in cones:
             low = max(least, self._proved[number])
             if low < self.target and self._splits[number] is None:
@@ -197,16 +186,27 @@ class _Search:
 
         Where that takes too long, the search begins again with a low target, which rises as fast as
         the time allows. Each time all cones are refuted before any is refuted further: the worst
-        one is near the others.
+        one is near the others. An interrupt by the user or a limit keeps what was refuted before.
         """
+        first: list[_Search] = []
+        try:
+            self._approach(first)
+        except EARLY as cause:
+            self._deadline.ended(cause)
+        found = max((each._found(output) for each in (self, *first)), key=lambda one: one.factor)
+        return replace(found, best=tuple(self._attained.best))
+
+    def _approach(self, first: list[_Search]) -> None:
+        """Reach the last target at once, or by lower ones after a first attempt, which is kept."""
         if self._deadline.left is not None:
             self._until = self._deadline.part(_DIRECT_TIME)
         self._reach(self._tol)
         closed, self._until = not self._ended, self._deadline
         if closed or self._ended:
-            return self._found(output)
-        before, share, wider = copy.copy(self), max(_FIRST_SHARE, self._tol), 1.0  # keeps its lists
+            return
+        first.append(copy.copy(self))  # keeps its lists
         self._begin()
+        share, wider = max(_FIRST_SHARE, self._tol), 1.0
         spent, growth = 0.0, _LEAST_GROWTH
         while not self._ended:
             begun, earlier = time.monotonic(), spent
@@ -217,8 +217,6 @@ class _Search:
             if min(earlier, spent) > _BRIEF_SECONDS:
                 growth = max(_LEAST_GROWTH, np.log(spent / earlier) / np.log(wider / share))
             wider, share = share, self._following(share, spent, growth)
-        found = max((self._found(output), before._found(output)), key=lambda one: one.factor)
-        return replace(found, best=tuple(self._attained.best))
 
     def _following(self, share: float, spent: float, growth: float) -> float:
         """Choose what the next target leaves of the level, for a part of the time that is left."""
@@ -254,8 +252,7 @@ class _Search:
             if not halves:
                 break
             self._refute(halves)
-            with self._kept():
-                self._attained.descend(self._deadline)
+            self._attained.descend(self._deadline)
 
     def _split(self, number: int) -> tuple[int, ...]:
         """Split a cone at an edge between vectors that are hard to refute together."""
@@ -271,9 +268,9 @@ class _Search:
         if halves is None:  # too thin: it stays a leaf
             return ()
         first = len(self._nodes)
-        self._splits[number] = Cell((first, first + 1), (i, j), weights)
         for half in halves:
             self._file(node._replace(cone=half, centred=False, edges=edges), number)
+        self._splits[number] = Cell((first, first + 1), (i, j), weights)
         return first, first + 1
 
     def _edges(self, number: int) -> Reals:

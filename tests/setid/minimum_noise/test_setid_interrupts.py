@@ -14,7 +14,7 @@ from setid.minimum_noise import denominators as all_norms
 from setid.minimum_noise.cones import search as varying
 from setid.minimum_noise.programs import Programs
 from setid.proofs.least_noise.least_error import error_rows, stated
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import Deadline, LimitReached
 
 MODEL = setid.TransferFunction(2, 2, 1)
 TOL = 1e-3
@@ -27,13 +27,15 @@ def record() -> setid.IOData:
     return setid.IOData(u, clean + source.uniform(-0.2, 0.2, 60))
 
 
-def interrupted(work: Callable[..., Any], at: int) -> Callable[..., Any]:
-    """The same work, which the user interrupts at a call."""
+def interrupted(
+    work: Callable[..., Any], at: int, cause: type[BaseException] = KeyboardInterrupt
+) -> Callable[..., Any]:
+    """The same work, which the user interrupts, or a limit ends, at a call and all later ones."""
     calls = iter(range(at))
 
     def counted(*given: Any, **named: Any) -> Any:
         if next(calls, None) is None:
-            raise KeyboardInterrupt
+            raise cause
         return work(*given, **named)
 
     return counted
@@ -61,7 +63,11 @@ def test_cones_that_were_refuted_are_kept(
     assert 0.0 < factors[0] <= factors[1] <= most
 
 
-def test_cones_whose_multipliers_vary_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
+def test_cones_whose_multipliers_vary_are_kept(
+    cause: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limit may be that of work around the search, whose own deadline is not over then."""
     monkeypatch.setattr(all_norms, "_FIRST", 1e-9)  # multipliers that vary come at once
     rows = error_rows(stated(record(), MODEL, (setid.Stable(),), 1.0), "linf", 1.0)
     assert rows is not None
@@ -69,10 +75,10 @@ def test_cones_whose_multipliers_vary_are_kept(monkeypatch: pytest.MonkeyPatch) 
     factors = []
     for calls in (10, 20):
         with monkeypatch.context() as patch:
-            patch.setattr(varying, "examined", interrupted(varying.examined, calls))
+            patch.setattr(varying, "examined", interrupted(varying.examined, calls, cause))
             deadline = Deadline(60.0)
             factors.append(search(deadline).factor)
-        assert deadline.stopped
+        assert deadline.stopped == (cause is KeyboardInterrupt)
     assert 0.0 < factors[0] < factors[1]
 
 
