@@ -38,9 +38,13 @@ class Leaf(NamedTuple):
 
 
 class Rows:
-    """The rows of one output, in whole numbers times 2**-bits."""
+    """The rows of one output, in whole numbers times 2**-bits.
 
-    def __init__(self, about: Any, output: int) -> None:
+    At rest as many zeros stand before each record as the output has lags; they have the number
+    None, and rows begin with the first sample.
+    """
+
+    def __init__(self, about: Any, output: int, rest: bool = False) -> None:
         record, structure = about.record, about.structure
         below([output - 1], len(record.y), "box: outputs")
         terms, name = structure.equation(f"y{output}"), f"y{output}"
@@ -53,16 +57,26 @@ class Rows:
         if len(set(lags)) < len(lags) or any(t.signal and t.signal[0] != "u" for t in others):
             raise NotProved("denominators of an output with other signals")
         self.order, last = max(lags), max(term.lag for term in terms)
-        y, noise = record.y[output - 1], record.bounds["output"][output - 1]
-        self.count = record.samples
+        if rest and not structure.zero:
+            raise NotProved("rows at rest of a structure that does not begin there")
+        self.numbers: list[int | None] = []
+        for k in range(record.samples):
+            begins = rest and record.first(k) == k
+            self.numbers += [*([None] * self.order if begins else []), k]
+        readings, bounds = record.y[output - 1], record.bounds["output"][output - 1]
+        y = [Fraction(0) if k is None else readings[k] for k in self.numbers]
+        noise = [Fraction(0) if k is None else bounds[k] for k in self.numbers]
+        self.count = len(self.numbers)
         self.asked = [
-            k - record.first(k) >= last and all(y[k - lag] is not None for lag in lags)
-            for k in range(self.count)
+            k is not None
+            and (rest or k - record.first(k) >= last)
+            and all(y[place - lag] is not None for lag in lags)
+            for place, k in enumerate(self.numbers)
         ]
         self.gains: dict[str, int] = {}  # the columns of single parameters
         columns: list[list[Fraction]] = []
         for term in others:
-            column = [self._known(record, term, k) for k in range(self.count)]
+            column = [self._known(record, term, place) for place in range(self.count)]
             alone = len(term.parameters) == 1 and term.sign == -1
             if column in columns:
                 place = columns.index(column)
@@ -76,11 +90,15 @@ class Rows:
         self.bits = max(v.denominator.bit_length() for table in tables for v in table)
         self.y, self.noise, *self.columns = [[_whole(v, self.bits) for v in t] for t in tables]
 
-    def _known(self, record: Any, term: Term, k: int) -> Fraction:
-        """What a term multiplies in the row of a sample."""
-        if not self.asked[k]:
+    def _known(self, record: Any, term: Term, place: int) -> Fraction:
+        """What a term multiplies in the row of a sample; zero before a record."""
+        k = self.numbers[place]
+        if k is None or not self.asked[place]:
             return Fraction(0)
-        return record.u[int(term.signal[1:]) - 1][k - term.lag] if term.signal else Fraction(1)
+        if not term.signal:
+            return Fraction(1)
+        inside = k - term.lag >= record.first(k)
+        return record.u[int(term.signal[1:]) - 1][k - term.lag] if inside else Fraction(0)
 
 
 def _whole(value: Fraction, bits: int) -> int:
@@ -96,9 +114,11 @@ class Multipliers:
 
     def __init__(self, rows: Rows, found: list[Any], free: list[Any]) -> None:
         self.rows = rows
+        self.inside = [place for place, k in enumerate(rows.numbers) if k is not None]
         self.table = [self._read(one) for one in found]
-        self.free = [whole(k, "box.free") for k in free]
-        below(self.free, rows.count, "box.free")
+        numbers = [whole(k, "box.free") for k in free]
+        below(numbers, len(self.inside), "box.free")
+        self.free = [self.inside[k] for k in numbers]
         alike("box.free", self.free, rows.columns)
         if len(set(self.free)) < len(self.free) or not all(rows.asked[k] for k in self.free):
             raise NotProved("samples that have no row")
@@ -110,9 +130,11 @@ class Multipliers:
         """A power of two, and whole numbers that it multiplies, one for each sample."""
         got = fields(found, "box.multipliers", 0, power="i", values="l")
         values = [whole(v, "box.multipliers") for v in got.values]
-        alike("box.multipliers", values, self.rows.asked)
+        alike("box.multipliers", values, self.inside)
         if abs(got.power) > 1100:
             raise Malformed("box.multipliers: a power of two that no double has")
+        given = dict(zip(self.inside, values, strict=True))
+        values = [given.get(place, 0) for place in range(self.rows.count)]
         if any(v and not row for v, row in zip(values, self.rows.asked, strict=True)):
             raise NotProved("a multiplier of a sample without a row")
         return got.power, values
@@ -254,9 +276,9 @@ class Tree:
 
     def __init__(self, step: Any, regression: Regression) -> None:
         kinds = {"output": "i", "stable": "b", "free": "l", "multipliers": "l", "nodes": "l"}
-        self.got = fields(step, "box", 0, **kinds, limits="l")
+        self.got = fields({"rest": False, **step}, "box", 0, **kinds, limits="l", rest="b")
         self.regression, self.stable = regression, self.got.stable
-        self.rows = Rows(regression.about, self.got.output)
+        self.rows = Rows(regression.about, self.got.output, self.got.rest)
         self.table = Multipliers(self.rows, self.got.multipliers, self.got.free)
         self.limits: dict[int, list[Any]] = {}
         for limit in self.got.limits:

@@ -51,9 +51,9 @@ def claimed(
     ----------
     rows : OutputRows
     claim : DenominatorCells
-        Without multipliers.
+        Without multipliers, and with its free samples among those of the rows.
     multiplier : callable
-        From the number of a multiplier to itself, (N,).
+        From the number of a multiplier to itself, (S,).
     proved : sequence of float
         The factor that each cell refutes, before rounding.
     best : sequence of (n,) float
@@ -67,7 +67,8 @@ def claimed(
     place = {m: i for i, m in enumerate(numbers)}
     cells = tuple(_renumbered(cell, place) for cell in claim.cells)
     kind = VaryingCells if isinstance(claim, VaryingCells) else DenominatorCells
-    proof = kind(claim.output, claim.free, np.array([multiplier(m) for m in numbers]), cells)
+    table = np.array([multiplier(m)[rows.inside] for m in numbers])
+    proof = kind(claim.output, rows.numbers(claim.free), table, cells)
     for loss in _LOSSES:
         least = factor * (1.0 - loss)
         if proof.follows(rows._replace(bound=rows.bound * (least * _OVER))):

@@ -6,6 +6,9 @@ denominator is another one. A cone is bounded by the family of the multipliers a
 its vectors (:mod:`setid.proofs.denominators.varying_multipliers`), which follow the denominator, so
 that the gap is of second order in the width of the cone. Cones with the least bound are split
 first, at the pair of vectors that says least.
+
+What a system at rest does with a growing mode depends on its first samples. The least error is not
+continuous there, so that multipliers of such denominators leave the first rows alone.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
-from setid.minimum_noise.programs import Programs, shifted
+from setid.minimum_noise.programs import Programs, programs_of, shifted
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
@@ -29,6 +32,7 @@ __all__ = ["by_corners"]
 
 Reals = NDArray[np.float64]
 _MEMORY = 2.0**28  # bytes of multipliers
+_GROWTH = 1e3  # of a mode over the record
 
 
 class _Corner(NamedTuple):
@@ -65,6 +69,9 @@ class _Search:
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
         self._rows, self._programs, self._output = rows, programs, output
+        begun = rows.begun
+        same = np.array_equal(begun, rows.row)
+        self._begun = programs if same else programs_of(rows._replace(row=begun)) or programs
         self._tol, self._deadline = tol, deadline
         self._multipliers: list[Reals] = []
         self._corners: dict[tuple[int, ...], _Corner | None] = {}
@@ -127,11 +134,12 @@ class _Search:
         power = max(int(value).bit_length() for value in whole.tolist()) - 1
         vector = np.ldexp(whole.astype(np.float64), -power)
         size = float(np.linalg.norm(vector))
-        solved = self._programs.solve(vector / size, None)
+        programs = self._begun if self._grows(vector) else self._programs
+        solved = programs.solve(vector / size, None)
         if solved is None:
             return None
         level, multiplier, _ = solved
-        if level < self._level:
+        if level < self._level and programs is self._programs:
             self._level = level
             found = monic(vector, self._rows.stable)
             self._best = self._best if found is None else [found[1:], *self._best[:4]]
@@ -142,6 +150,11 @@ class _Search:
         self._multipliers.append(multiplier)
         moment = shifted(multiplier, self._rows.order) @ self._rows.y
         return _Corner(len(self._multipliers) - 1, power, vector, moment)
+
+    def _grows(self, a: Reals) -> bool:
+        """Check that a mode grows much over the record."""
+        largest = np.abs(np.roots(a)).max(initial=0.0)
+        return bool(a[0] == 0.0 or largest > _GROWTH ** (1.0 / self._rows.y.size))
 
     def _bound(self, corners: list[_Corner]) -> tuple[float, tuple[int, int]]:
         """The error that a family refutes, and the pair of vectors that says least."""

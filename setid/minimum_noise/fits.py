@@ -40,7 +40,7 @@ def fit_of_denominator(
     -------
     theta : (p,) float
     outputs : (N, 1) float
-        None of both where readings are missing or signals begin at zero.
+        None of both where readings are missing.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def fit_of_denominator(
     (array([-0.5     ,  0.989481]), 0.052)
     """
     section = longest_stretches(rows.row, rows.order)
-    if model.initial != "free" or np.any(np.isnan(data.y)) or not section.size:
+    if np.any(np.isnan(data.y)) or not section.size:
         return None
     programs = Programs(rows, section)
     if section.size < np.count_nonzero(rows.row):
@@ -63,7 +63,8 @@ def fit_of_denominator(
     if fitted is None or not np.all(np.isfinite(fitted)):
         return None
     outputs = data.y.copy()
-    outputs[programs.samples, 0] = fitted
+    numbers = rows.numbers(programs.samples)
+    outputs[numbers[numbers >= 0], 0] = fitted[numbers >= 0]
     found = regression_of_data(data.with_outputs(outputs), model)
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
     others = np.setdiff1d(np.arange(len(model.parameters)), places)

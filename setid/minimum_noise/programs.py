@@ -17,6 +17,7 @@ __all__ = ["Programs", "longest_stretches", "programs_of", "shifted"]
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _STRETCHES = 20  # each has n states of its own
+_FLOOR = 1e-9  # of the largest noise bound: bounds of 0 are replaced by it
 _DEPENDENT = 1e-10  # of the largest column: what others leave of one that depends on them
 
 
@@ -47,8 +48,9 @@ def longest_stretches(row: NDArray[np.bool_], order: int) -> Integers:
 class Programs:
     """Least noise for one denominator after the other, on stretches of rows.
 
-    The samples of the stretches follow one another. So n rows between two of them mean nothing:
-    their multipliers are zero.
+    Where there is no noise, as before a record at rest, a very small one takes its place. The
+    samples of the stretches follow one another. So n rows between two of them mean nothing: their
+    multipliers are zero.
 
     Parameters
     ----------
@@ -80,7 +82,11 @@ class Programs:
         self.y = rows.y[self.samples]
         self.silent = np.setdiff1d(np.arange(self.y.size - n), self._heard)
         bound = rows.bound[self.samples]
-        self.bound = np.maximum(bound, 1e-9 * float(bound.max()))
+        most = float(bound.max())
+        self.bound = np.maximum(bound, _FLOOR * most)
+        # linear programs of the sum of errors have units of their own where there is no noise
+        exact = (bound <= _FLOOR * most) & (rows.norm == "l1")
+        self._units = np.where(exact, most, self.bound)
         self.known = _independent(rows.known[section])
         self.length, self.norm = rows.y.size, rows.norm
         complete = self.known.shape[1] == rows.known.shape[1]
@@ -122,7 +128,7 @@ class Programs:
         basis = self.orthonormal(a)
         if basis is None:
             return None
-        target = self.y / self.bound
+        target = self.y / self._units
         with np.errstate(all="ignore"):
             found = self._approximated(basis, target, reference)
         if found is None:
@@ -143,8 +149,8 @@ class Programs:
         if basis is None:
             return None
         with np.errstate(all="ignore"):
-            found = self._approximated(basis, self.y / self.bound, None)
-        return None if found is None else self.bound * (basis @ found.coefficients)
+            found = self._approximated(basis, self.y / self._units, None)
+        return None if found is None else self._units * (basis @ found.coefficients)
 
     def whole(self, multiplier: Reals) -> Reals:
         """Place a multiplier (S - n,) of these rows in those of the record, (N,)."""
@@ -170,14 +176,14 @@ class Programs:
             rest = target - basis @ values
             level = float(np.linalg.norm(rest))
             return Approximation(level, rest / level, every, values) if level > 0.0 else None
-        signs, count = np.ones(target.size), basis.shape[1]
+        most, count = self._units / self.bound, basis.shape[1]
         model = LinearModel(
-            sps.csr_array(basis.T), (np.zeros(count), np.zeros(count)), (-signs, signs)
+            sps.csr_array(basis.T), (np.zeros(count), np.zeros(count)), (-most, most)
         )
         found = model.solve(-target)
         if found.status != "solved":
             return None
-        inside = np.abs(found.x) < 1.0  # where the errors are zero
+        inside = np.abs(found.x) < most  # where the errors are zero
         solved = np.linalg.lstsq(basis[inside], target[inside], rcond=None)[0]
         return Approximation(-found.value, found.x, every, np.asarray(solved, np.float64))
 
@@ -187,14 +193,14 @@ class Programs:
             outputs = self.outputs(a)
             if outputs is None:
                 return None
-            return np.asarray(np.linalg.qr(outputs / self.bound[:, None])[0], np.float64)
+            return np.asarray(np.linalg.qr(outputs / self._units[:, None])[0], np.float64)
 
     def multiplier(self, a: Reals, reference: Integers, shares: Reals) -> Reals | None:
         """Compute the multiplier (S - n,) of errors at samples; None where it overflows."""
         errors = np.zeros(self.y.size)
         np.add.at(errors, reference, shares)
         with np.errstate(all="ignore"):
-            found = self.adjoint(a, errors / self.bound)
+            found = self.adjoint(a, errors / self._units)
             for _ in range(2):
                 found = found - self.basis @ (self.basis.T @ found)
         return found if np.all(np.isfinite(found)) else None

@@ -44,7 +44,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 8
+_FORMAT, _VERSION = "setid", 9
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:

@@ -38,6 +38,7 @@ def denominator_steps(box: DenominatorBox, formulation: Formulation) -> list[dic
                 "is": "Denominators",
                 "output": tree.output + 1,
                 "stable": rows.stable,
+                "rest": rows.sample is not None,
                 "free": tree.free.tolist(),
                 "multipliers": [_multiplier(line) for line in tree.multipliers],
                 "nodes": [_node(cell) for cell in tree.cells],

@@ -115,6 +115,9 @@ def cones() -> Iterator[Case]:
     noise = setid.Noise(output=0.1)
     made = setid.simulate_record(two, [-0.7, 0.4, 1.0, 2.0], rng.uniform(-1, 1, 40), noise, rng)
     yield "cones-outputs", made.data, two, noise, ()
+    rest, noise = setid.TransferFunction(2, 1, 1, initial="zero"), setid.Noise(output=0.05)
+    made = setid.simulate_record(rest, [-1.1, 0.4, 1.0], rng.uniform(-1, 1, 40), noise, rng)
+    yield "cones-rest", made.data, rest, noise, (setid.Stable(),)
 
 
 def identified(case: Case, seconds: float) -> Any:

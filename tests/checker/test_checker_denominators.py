@@ -30,7 +30,7 @@ from checker.result import NotProved
 
 STATIC = {"na": 0, "nb": 1, "nk": 0, "initial": "free"}
 FIRST = {"na": 1, "nb": 1, "nk": 0, "initial": "free"}
-CONES = ("cones-first", "cones-second", "cones-third", "cones-outputs")
+CONES = ("cones-first", "cones-second", "cones-third", "cones-outputs", "cones-rest")
 
 
 def regression(known: Identification) -> Regression:
@@ -60,6 +60,39 @@ def limit(cell, parameter, sign, value, family, powers, minors=()):
 
 
 # ---- by hand ------------------------------------------------------------------------------------
+
+
+def test_zeros_stand_before_each_record_at_rest():
+    shape = FIRST | {"na": 2, "nb": 2, "nk": 1, "initial": "zero"}
+    known = about(shape, [[1.0, 2.0, 3.0, 4.0, 5.0]], [1.0] * 5, 0.5)
+    known.record.starts = [0, 3]
+    rows = Rows(known, 1, True)
+    assert rows.numbers == [None, None, 0, 1, 2, None, None, 3, 4]
+    assert rows.asked == [k is not None for k in rows.numbers]
+    columns = [[Fraction(v, 1 << rows.bits) for v in column] for column in rows.columns]
+    assert columns == [[0, 0, 0, 1, 2, 0, 0, 0, 4], [0, 0, 0, 0, 1, 0, 0, 0, 0]]
+    table = Multipliers(rows, [{"power": 0, "values": [1, 2, 3, 4, 5]}], [1, 2])
+    assert table.table == [(0, [0, 0, 1, 2, 3, 0, 0, 4, 5])] and table.free == [3, 4]
+    assert Rows(known, 1).asked == [False, False, True, False, False]
+
+
+def test_rows_at_rest_need_a_structure_that_begins_there():
+    """y(k) + a y(k-1) = b u(k-1) + e: at rest the first reading is noise alone, 0 up to 0.125."""
+    for initial, rest in (("zero", True), ("zero", False), ("free", False), ("free", True)):
+        about_it = about(FIRST | {"nk": 1, "initial": initial}, [[1.0, 2.0]], [0.5, 1.0], 0.125)
+        made = step([(0, [1, 0])], [1], nodes=[node(family=[0, 0], powers=[0, 0])] * 2)
+        rows, ends = regression(about_it), [[Fraction(-9)] * 2, [Fraction(9)] * 2]
+        if (initial, rest) == ("zero", True):  # one row refutes all cones whose a_0 is not zero
+            found = Rows(about_it, 1, True)
+            assert found.numbers == [None, 0, 1] and found.asked == [False, True, True]
+            assert found.columns == [[0, 0, found.y[2]]] and found.noise[0] == 0
+            table = Multipliers(found, [{"power": 0, "values": [1, 0]}], [1])
+            assert table.table == [(0, [0, 1, 0])] and table.free == [2]
+            assert holds(table, Leaf([0], [0], []), [[1, 0]], False, None)
+            assert not holds(table, Leaf([0], [0], []), [[0, 1]], False, None)
+            continue
+        with pytest.raises(NotProved):
+            by_denominators(made | {"rest": rest}, rows, ends)
 
 
 def gain(*limits, multipliers=((0, [0, -1]), (-1, [0, 2]))):

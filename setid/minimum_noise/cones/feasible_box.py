@@ -426,9 +426,10 @@ class _Search:
             for cell in self._cells
         )
         limits = (one._replace(used=tuple(place[m] for m in one.used)) for one in binding)
-        table = np.array([self._multipliers[m] for m in place])
-        table = table.reshape(len(place), self._rows.y.size)
-        return VaryingCells(output, self._free, table, cells), tuple(limits)
+        inside, free = self._rows.inside, self._rows.numbers(self._free)
+        table = np.array([self._multipliers[m][inside] for m in place])
+        table = table.reshape(len(place), np.count_nonzero(inside))
+        return VaryingCells(output, free, table, cells), tuple(limits)
 
     def _binding(self) -> list[Limit]:
         left = [number for number, cell in enumerate(self._cells) if cell is _OPEN_LEAF]

@@ -266,14 +266,12 @@ def _hull(
     unrefuted = None if rows is None else tree.unrefuted(rows)
     if rows is None or unrefuted is None:
         return None
-    cones = tree.cones(rows)
-    assert cones is not None
+    cones, placed = tree.cones(rows), tree.placed(rows)
+    assert cones is not None and placed is not None
     at = {name: place for place, name in enumerate(formulation.parameters)}
     known = dict.fromkeys(cones, inside)
     for limit in limits:
-        if limit.cell in cones and limit_holds(
-            rows, tree.free, tree.multipliers, cones[limit.cell], limit
-        ):
+        if limit.cell in cones and limit_holds(rows, *placed, cones[limit.cell], limit):
             known[limit.cell] = _limited(known[limit.cell], limit, rows, at)
     for number in sorted(cones):  # children come after their parents
         for child in tree.children_of(number):

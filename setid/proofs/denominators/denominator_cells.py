@@ -176,16 +176,39 @@ class DenominatorCells:
         ----------
         rows : OutputRows
         """
-        table, n = self.multipliers, rows.y.size
-        if table.ndim != 2 or table.shape[1] != n or np.any(table[:, ~rows.row]):
+        placed = self.placed(rows)
+        if placed is None:
             return None
+        free, table = placed
         if not all(map(is_ordinary, (table, rows.y, rows.bound, rows.known))):
             return None
-        corrections, cones = correction_bounds(rows, self.free, table), self.cones(rows)
+        corrections, cones = correction_bounds(rows, free, table), self.cones(rows)
         if corrections is None or cones is None:
             return None
         leaves = (number for number in sorted(cones) if not self.children_of(number))
-        return (n for n in leaves if not self._refutes(rows, corrections, cones[n], self.cells[n]))
+        cells = self.cells
+        return (
+            n for n in leaves if not self._refutes(rows, table, corrections, cones[n], cells[n])
+        )
+
+    def placed(self, rows: OutputRows) -> tuple[Integers, Reals] | None:
+        """Place free samples (c,) and multipliers (M, S) among those of the rows.
+
+        Parameters
+        ----------
+        rows : OutputRows
+
+        Returns
+        -------
+        (c,) int and (M, S) float
+            None of both where they are malformed.
+        """
+        table, count = rows.spread(self.multipliers), np.count_nonzero(rows.inside)
+        if table is None or np.any(table[:, ~rows.row]):
+            return None
+        if np.any((self.free < 0) | (self.free >= count)):
+            return None
+        return rows.places(self.free), table
 
     def children_of(self, number: int) -> tuple[int, ...]:
         """Number the children of a cone; none for a leaf."""
@@ -217,17 +240,22 @@ class DenominatorCells:
         return found
 
     def _refutes(
-        self, rows: OutputRows, corrections: Reals, cone: Cone, cell: Cell | VaryingLeaf
+        self,
+        rows: OutputRows,
+        table: Reals,
+        corrections: Reals,
+        cone: Cone,
+        cell: Cell | VaryingLeaf,
     ) -> bool:
         if isinstance(cell, VaryingLeaf):
             return False
         used = np.array(cell.used, np.int64)
         if len(cell.shares) != used.size or not used.size:
             return False
-        if used.min() < 0 or used.max() >= len(self.multipliers):
+        if used.min() < 0 or used.max() >= len(table):
             return False
         return is_refuted(
-            rows, self.multipliers[used], corrections[used], cone, np.array(cell.shares, np.float64)
+            rows, table[used], corrections[used], cone, np.array(cell.shares, np.float64)
         )
 
 

@@ -76,11 +76,16 @@ class VaryingCells(DenominatorCells):
     """
 
     def _refutes(
-        self, rows: OutputRows, corrections: Reals, cone: Cone, cell: Cell | VaryingLeaf
+        self,
+        rows: OutputRows,
+        table: Reals,
+        corrections: Reals,
+        cone: Cone,
+        cell: Cell | VaryingLeaf,
     ) -> bool:
         if not isinstance(cell, VaryingLeaf):
-            return DenominatorCells._refutes(self, rows, corrections, cone, cell)
-        return family_refutes(rows, self.multipliers, corrections, cone, cell)
+            return DenominatorCells._refutes(self, rows, table, corrections, cone, cell)
+        return family_refutes(rows, table, corrections, cone, cell)
 
 
 def family_refutes(

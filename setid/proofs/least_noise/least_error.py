@@ -200,7 +200,9 @@ def error_rows(formulation: Formulation, norm: Norm, level: float) -> OutputRows
     if formulation.model.outputs != 1 or not 0.0 < level < inf:
         return None
     rows = output_rows(formulation, 0)
-    return None if rows is None else rows._replace(bound=np.full(rows.y.size, level), norm=norm)
+    if rows is None:
+        return None
+    return rows._replace(bound=np.where(rows.inside, level, 0.0), norm=norm)
 
 
 def error_problem(

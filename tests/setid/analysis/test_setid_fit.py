@@ -264,3 +264,20 @@ def test_an_open_gap_has_a_cause() -> None:
     assert found.lower_bound == 0.0 and "no finite box" in found.summary()
     closed = setid.fit(HAIRDRYER, setid.TransferFunction(1, 1, 3, offset=True), "l2", options=QUICK)
     assert "gap is open" not in closed.summary()
+
+
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+def test_fits_from_rest_close(norm: Norm) -> None:
+    """The first rows bound the error too: with nk = 1 the first reading is error alone."""
+    rng = np.random.default_rng(3)
+    u, model = rng.uniform(-1, 1, 30), setid.TransferFunction(2, 1, 1, initial="zero")
+    truth = setid.simulate_record(model, [-1.1, 0.4, 1.0], u, setid.Noise(output=0.1), rng)
+    y = truth.data.y.copy()
+    y[0] = 0.3  # far more than all others
+    data = setid.IOData(u, y)
+    found = setid.fit(data, model, norm, options=setid.Options(time_limit=20, progress=False))
+    assert found.gap <= 2e-3 and found.verify()
+    free = setid.fit(data, setid.TransferFunction(2, 1, 1), norm, options=QUICK)
+    assert found.lower_bound > free.error
+    if norm == "linf":
+        assert found.lower_bound >= 0.299 and found.error <= 0.3 * (1 + 1e-8)

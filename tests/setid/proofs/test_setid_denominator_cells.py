@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -285,6 +286,48 @@ def test_missing_readings_and_records_leave_rows_out(gap: int) -> None:
     two = setid.IOData.concat([data, data])
     both = output_rows(stated(two, model, 1.0), 0)
     assert both is not None and np.flatnonzero(~both.row).tolist() == [0, 40]
+
+
+@pytest.mark.parametrize("offset", [False, True])
+def test_rows_at_rest_hold_for_what_is_simulated_from_rest(offset: bool) -> None:
+    """In rationals, from the first sample of each of two records on, with a lost reading."""
+    rng, lengths = np.random.default_rng(8), (7, 6)
+    u = [[Fraction(int(v), 4) for v in rng.integers(-4, 5, n)] for n in lengths]
+    a, b, c = (Fraction(-3, 2), Fraction(3, 4)), (Fraction(2), Fraction(-1)), Fraction(int(offset))
+    y: list[list[Fraction]] = []
+    for drive in u:
+        own: list[Fraction] = []
+        for k in range(len(drive)):
+            past = [-a[i - 1] * own[k - i] for i in (1, 2) if k >= i]
+            own.append(sum(past + [b[j] * drive[k - 3 - j] for j in (0, 1) if k >= 3 + j], c))
+        y.append(own)
+    model = setid.TransferFunction(na=2, nb=2, nk=3, initial="zero", offset=offset)
+    known = setid.IOData.concat(
+        [
+            setid.IOData([*map(float, one)], [*map(float, two)])
+            for one, two in zip(u, y, strict=True)
+        ]
+    )
+    rows = output_rows(stated(known, model, 1.0), 0)
+    assert rows is not None and rows.sample is not None
+    assert rows.sample.tolist() == [-1, -1, *range(7), -1, -1, *range(7, 13)]
+    assert np.array_equal(rows.row, rows.sample >= 0)
+    assert not np.any(rows.y[~rows.inside]) and not np.any(rows.bound[~rows.inside])
+    assert np.all(rows.bound[rows.inside] == 1.0)
+    gains = {"b3": b[0], "b4": b[1], "c": c}
+    for k in np.flatnonzero(rows.row):
+        left = sum(
+            (v * Fraction(rows.y[k - i]) for i, v in enumerate((Fraction(1), *a))), Fraction(0)
+        )
+        pairs = zip(rows.gains, rows.known[k].tolist(), strict=True)
+        assert left == sum((gains[name] * sign * Fraction(v) for (name, sign), v in pairs), 0)
+    assert rows.sample[rows.begun].tolist() == [*range(2, 7), *range(9, 13)]
+    gone = known.y.copy()
+    gone[8] = np.nan
+    parts = [setid.IOData(known.u[at], gone[at]) for at in (slice(7), slice(7, None))]
+    left_out = output_rows(stated(setid.IOData.concat(parts), model, 1.0), 0)
+    assert left_out is not None and left_out.sample is not None
+    assert left_out.sample[~left_out.row & left_out.inside].tolist() == [8, 9, 10]
 
 
 def test_noisy_inputs_and_equation_errors_are_not_taken() -> None:

@@ -235,7 +235,7 @@ def test_minors_leave_out_what_is_unstable(search: Search) -> None:
 
     def refutes(cone: np.ndarray, minor: float, stable: bool = True, power: int = 0) -> bool:
         own = VaryingLeaf((), (), (power,) * 4, (minor,))
-        return claim._refutes(rows._replace(stable=stable), none, cone, own)
+        return claim._refutes(rows._replace(stable=stable), none, none, cone, own)
 
     assert refutes(outside, 1.0) and not refutes(inside, 1.0)
     assert not refutes(outside, 1.0, stable=False)
