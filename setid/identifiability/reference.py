@@ -24,6 +24,7 @@ from setid.proofs.uniqueness.normalisation import (
     normalised_by,
     priors_speak_of,
     products_with,
+    takes_both_signs,
     unidentifiable,
 )
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
@@ -69,9 +70,15 @@ def _why(model: BlockStructured) -> str:
 def _choices(model: BlockStructured) -> str:
     if isinstance(model, Lure):
         return "normalise='nolinear' (gamma1 = 0), 'gamma1' (1), {'gamma1': value} or 'dcgain'"
-    names = [n for n in model.parameters if n in unidentifiable(model)]
-    examples = " or ".join(repr(n) for n in names[:1] + names[-1:])
-    return f"normalise='dcgain' (static gain 1), or a parameter set to 1, such as {examples}"
+    names = [n for n in unidentifiable(model) if takes_both_signs(model, n)]
+    examples = " or ".join(dict.fromkeys(repr(n) for n in names[:1] + names[-1:]))
+    such = f", or a parameter set to 1, such as {examples}" if examples else ""
+    return f"normalise='dcgain' (static gain 1){such}"
+
+
+def _settles(model: BlockStructured, name: str) -> bool:
+    """Check that a parameter can be set to 1 wherever it is not zero, and that nothing is open."""
+    return takes_both_signs(model, name) and not unidentifiable(normalised_by(model, name))
 
 
 class Reference(NamedTuple):
@@ -126,10 +133,10 @@ def reference_model(
         box = parameter_box(rows.regression, rows.start(start_of(formulation)))
         names = {formulation.parameters[i] for i in products_with(rows, box)}
         for name in sorted(names & affected, reverse=True):  # coefficients of the map first
-            if not unidentifiable(normalised_by(model, name)):
+            if _settles(model, name):
                 return Reference(normalised_by(model, name), box)
     for name in model.parameters:
-        if name in affected and not unidentifiable(normalised_by(model, name)):
+        if name in affected and _settles(model, name):
             other = formulate(data, normalised_by(model, name), noise, priors)
             found = cell_box(other, start_of(other), samples=False)
             if found is not None and not found.open:

@@ -3,8 +3,10 @@
 **Scales.** With w' = K_w w and z' = K_z z for diagonal invertible K_w, K_z, blocks and maps
 change as follows and no output does: the numerator of a block from s to t is multiplied by
 k_t / k_s, the coefficient of x_1^p_1 x_2^p_2 ... in the map of t by k_t / (k_1^p_1 k_2^p_2 ...),
-where k = 1 for measured signals. A normalisation asks for the value of some monomial of the
-parameters, and each settles one k.
+where k = 1 for measured signals, and signals that are summed have one k. Functions that are no
+powers take measured signals alone. A normalisation asks for the value of some monomial of the
+parameters. With d the logarithms of all k > 0 it asks for e'd = 0, where e are the exponents of k
+in that monomial. So a parameter changes if its exponents are no combination of those.
 
 **Shifts.** In a feedback loop y = G (u - N(y)), any part kappa y of N may belong to G:
 a'_i = a_i + kappa b_i, gamma'_1 = gamma_1 - kappa. The scale is settled by u.
@@ -20,7 +22,9 @@ Control 31 (2021), section on identifiability.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from fractions import Fraction
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +57,8 @@ __all__ = [
     "priors_speak_of",
     "products_with",
     "reference_follows",
+    "scaled_parameters",
+    "takes_both_signs",
     "scaled_signals",
     "unidentifiable",
 ]
@@ -66,8 +72,9 @@ _SAMPLES = 60
 def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
     """Find parameters that may change without any change of the outputs.
 
-    The rank of the sensitivities of a simulation, at random stable parameters and inputs,
-    says so (not proved, and used to refuse work alone, never for a bound).
+    Those that scales of internal signals change are found exactly, and others by the rank of the
+    sensitivities of a simulation, at random stable parameters and inputs (not proved, and used to
+    refuse work alone, never for a bound).
 
     Parameters
     ----------
@@ -92,11 +99,87 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
     affected: set[str] | None = None
     for _ in range(2):
         matrix = _sensitivities(rest, names, generator)
+        if not np.all(np.isfinite(matrix)):
+            continue  # a loop that diverges
         _, sizes, right = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0))
         null = right[sizes <= _RANK * sizes[0]]
         moved = {n for n, column in zip(names, null.T, strict=True) if np.any(abs(column) > 1e-4)}
         affected = moved if affected is None else affected & moved
-    return tuple(name for name in names if name in (affected or ()))
+    found = {*(affected or ()), *scaled_parameters(model)}
+    return tuple(name for name in names if name in found)
+
+
+def scaled_parameters(model: BlockStructured) -> tuple[str, ...]:
+    """List parameters that scales change which the normalisation leaves open, exactly.
+
+    Parameters
+    ----------
+    model : BlockStructured
+
+    Examples
+    --------
+    >>> import setid
+    >>> scaled_parameters(setid.Wiener(setid.TransferFunction(0, 1, 1), 3))
+    ('b1', 'gamma1', 'gamma2', 'gamma3')
+    >>> scaled_parameters(setid.Wiener(setid.TransferFunction(0, 1, 1), 3, "b1"))
+    ()
+    """
+    exponents, held = _scale_group(model)
+    rank = _rank(held)
+    return tuple(
+        name for name in model.parameters if _rank([*held, exponents.get(name, [])]) > rank
+    )
+
+
+def _scale_group(model: BlockStructured) -> tuple[dict[str, list[int]], list[list[int]]]:
+    """Exponents of each coefficient in the scales of all internal signals, and what holds them."""
+    signals = model.internal
+    place = {signal: i for i, signal in enumerate(signals)}
+
+    def row(powers: Mapping[str, int]) -> list[int]:
+        found = [0] * len(signals)
+        for signal, power_ in powers.items():
+            if signal in place:
+                found[place[signal]] += power_
+        return found
+
+    held, exponents = list[list[int]](), dict[str, list[int]]()
+    for block in model.blocks:
+        first, *others = (signal for signal, _ in block.source)
+        held += [row(_sum_of_powers((first, 1), (other, -1))) for other in others]
+        powers = row(_sum_of_powers((block.target, 1), (first, -1)))
+        exponents |= dict.fromkeys(model.wiring.transfer(block).numerator, powers)
+        if block.label in model.unit_gain:
+            held.append(powers)
+    for target, item in model.maps:
+        for name, entry in zip(model.wiring.weights(target), item.basis, strict=True):
+            inner = () if callable(entry) else zip(item.arguments, entry, strict=True)
+            exponents[name] = row(_sum_of_powers((target, 1), *((a, -n) for a, n in inner)))
+    held += [exponents[name] for name, value in model.fixed if value and name in exponents]
+    return exponents, held
+
+
+def _sum_of_powers(*pairs: tuple[str, int]) -> dict[str, int]:
+    found = dict[str, int]()
+    for signal, number in pairs:
+        found[signal] = found.get(signal, 0) + number
+    return found
+
+
+def _rank(rows: Sequence[Sequence[int]]) -> int:
+    """The rank of a matrix of integers."""
+    left = [[Fraction(value) for value in row] for row in rows if any(row)]
+    rank = 0
+    while left:
+        pivot = left.pop()
+        place = next((i for i, value in enumerate(pivot) if value), None)
+        if place is None:
+            continue
+        rank += 1
+        for row in left:
+            factor = row[place] / pivot[place]
+            row[:] = [value - factor * other for value, other in zip(row, pivot, strict=True)]
+    return rank
 
 
 def _sensitivities(
@@ -125,9 +208,11 @@ def _sensitivities(
             ]
         if np.all(np.abs(ends) < 1e3):
             break
-    columns = (np.array(ends[0]) - np.array(ends[1])).T / (2 * step)
+    with np.errstate(all="ignore"):
+        columns = (np.array(ends[0]) - np.array(ends[1])).T / (2 * step)
     rest = np.eye(len(names)) - tangent @ tangent.T  # excluded by static gains: as if seen
-    return np.asarray(np.concatenate([columns @ tangent.T, rest]), np.float64)
+    with np.errstate(all="ignore"):
+        return np.asarray(np.concatenate([columns @ tangent.T, rest]), np.float64)
 
 
 def _tangent(model: BlockStructured, names: tuple[str, ...]) -> list[NDArray[np.float64]]:
@@ -388,6 +473,39 @@ def priors_speak_of(formulation: Formulation, names: Collection[str]) -> bool:
     return any(set(names) & set(prior.bounds(formulation.model)) for prior in formulation.priors)
 
 
+def takes_both_signs(model: BlockStructured, name: str) -> bool:
+    """Check that scales of -1 and 1 turn the sign of a coefficient, and of none that is not open.
+
+    Then each vector in which it is not zero has an equivalent one in which it is 1.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    name : str
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.Wiener(setid.TransferFunction(0, 1, 1), 2)
+    >>> [takes_both_signs(model, name) for name in model.parameters]
+    [True, True, False]
+    """
+    exponents, held = _scale_group(model)
+    open_ = {*scaled_parameters(model)}
+    kept = [exponents[n] for n in model.parameters if n in exponents and n not in open_]
+    own = exponents.get(name)
+    if own is None:
+        return False
+
+    def turns(row: Sequence[int], signs: Sequence[int]) -> bool:
+        return sum(value * sign for value, sign in zip(row, signs, strict=True)) % 2 == 1
+
+    return any(
+        turns(own, signs) and not any(turns(row, signs) for row in [*held, *kept])
+        for signs in product((0, 1), repeat=len(model.internal))
+    )
+
+
 def reference_follows(
     formulation: Formulation, reference: BlockStructured, nonzero: Nonzero | None
 ) -> bool:
@@ -414,7 +532,7 @@ def reference_follows(
             return False
         return reference == shift.reference
     chosen = [name for name in affected if normalised_by(model, name) == reference]
-    if not chosen or unidentifiable(reference):
+    if not chosen or scaled_parameters(reference) or not takes_both_signs(model, chosen[0]):
         return False
     rows = formulation.products
     if isinstance(nonzero, ParameterBox):

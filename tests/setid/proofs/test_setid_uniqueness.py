@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import product
@@ -22,6 +23,8 @@ from setid.proofs.uniqueness.normalisation import (
     normalised_by,
     products_with,
     reference_follows,
+    scaled_parameters,
+    takes_both_signs,
 )
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
@@ -285,3 +288,108 @@ def test_what_a_shift_gives_to_the_block_is_taken_from_the_map() -> None:
     assert middle == pytest.approx(wanted, rel=1e-13)
     assert Fraction(found["gamma1"][0]) <= Fraction(1, 8) - Fraction(1, 3)
     assert Fraction(1, 8) - Fraction(1, 3) <= Fraction(found["gamma1"][1])
+
+
+# ---- scales -------------------------------------------------------------------------------
+
+
+def summed(basis: list[object]) -> setid.BlockStructured:
+    """Two linear blocks in a sum, and a map of the sum."""
+    blocks = {("p", "u1"): ONE, ("q", "u2"): ONE, ("s", "p+q"): ONE, ("y1", "w"): ONE}
+    return setid.BlockStructured(blocks, {"w": setid.StaticMap(("s",), basis)}, inputs=2)
+
+
+def test_scales_change_what_they_reach() -> None:
+    wiener = setid.Wiener(setid.TransferFunction(1, 1, 1), 9)
+    maps = [f"gamma{m}" for m in range(1, 10)]
+    assert scaled_parameters(wiener) == ("b1", *maps)
+    assert scaled_parameters(wiener.normalised("b1")) == ()
+    assert scaled_parameters(wiener.normalised({"gamma2": 3.0})) == ()  # up to a sign
+    assert scaled_parameters(wiener.normalised({"gamma2": 0.0})) == ("b1", "gamma1", *maps[2:])
+    both = setid.HammersteinWiener(ONE, 2, 3)
+    assert set(scaled_parameters(both)) == set(both.parameters) - {"a1"}
+    for fixed, left in (
+        ("gamma[w]1", {"b1", "gamma[y1]1", "gamma[y1]2", "gamma[y1]3"}),
+        ("b1", set(both.parameters) - {"a1", "b1"}),
+        ("dcgain", set(both.parameters) - {"a1", "b1"}),
+    ):
+        assert set(scaled_parameters(both.normalised(fixed))) == left
+    assert scaled_parameters(setid.Lure(ONE, 2)) == ()  # its map is subtracted from the input
+
+
+def test_signals_that_are_summed_have_one_scale() -> None:
+    both = summed([(1,), (2,)])
+    names = set(both.parameters)
+    fixed = both.normalised(["gamma1", "b[s,p+q]1"])
+    assert {n for n in names if n.startswith("a")} == names - set(scaled_parameters(both))
+    assert set(scaled_parameters(fixed)) == {
+        "b[p,u1]1",
+        "b[q,u2]1",
+        "gamma2",
+        "b[y1,w]1",
+    }  # s and p, q together, and w with them
+    measured = setid.BlockStructured({("p", "u1"): ONE, ("y1", "p+u2"): ONE}, {}, inputs=2)
+    assert scaled_parameters(measured) == ()
+
+
+@pytest.mark.parametrize("degree", [5, 7])
+def test_high_degrees_of_a_map_are_not_unique(degree: int) -> None:
+    """b1 -> 2 b1 and gamma_m -> gamma_m / 2^m leave all outputs as they are."""
+    rng = np.random.default_rng(0)
+    model = setid.Wiener(setid.TransferFunction(0, 1, 1), degree, initial="zero")
+    u = rng.uniform(-1, 1, 40)
+    theta = np.array([1.0, *rng.uniform(0.3, 0.6, degree)])
+    data = setid.simulate_record(model, theta, u, setid.Noise(output=1e-3), rng).data
+    other = theta * np.array([2.0, *(0.5**m for m in range(1, degree + 1))])
+    assert np.abs(setid.simulate(model, other, u) - setid.simulate(model, theta, u)).max() < 1e-12
+    assert setid.unidentifiable(model) == model.parameters
+    options = setid.Options(unidentifiable="report", time_limit=10, progress=False)
+    found = setid.identify(data, model, setid.Noise(output=1e-3), (), options)
+    assert all(item.outer == (-inf, inf) for item in found.intervals.values())
+    assert found.verify()
+
+
+def test_even_coefficients_are_no_reference() -> None:
+    """A map with gamma2 < 0 has no equivalent one with gamma2 = 1."""
+    wiener = setid.Wiener(setid.TransferFunction(0, 1, 1), 3, initial="zero")
+    assert [takes_both_signs(wiener, n) for n in wiener.parameters] == [True, True, False, True]
+    both = setid.HammersteinWiener(ONE, 1, 2, normalise="b1")
+    assert takes_both_signs(both, "gamma[w]1") and not takes_both_signs(both, "gamma[y1]2")
+    assert not takes_both_signs(wiener, "a1")
+    square = setid.HammersteinWiener(ONE, 1, 2, normalise={"gamma[y1]2": 1.0})
+    assert scaled_parameters(square) == ("b1", "gamma[w]1")  # z may change its sign alone
+    assert takes_both_signs(square, "b1") and not takes_both_signs(square, "gamma[y1]1")
+
+
+def test_loops_that_diverge_are_looked_at_by_their_scales() -> None:
+    """All static gains of two blocks are 1, and a cubic map closes the loop."""
+    model = setid.BlockStructured(
+        {("y1", "u1"): ONE, ("z", "y1"): ONE, ("y1", "v"): ONE},
+        {"v": setid.StaticMap("z", 3)},
+        normalise=["dcgain[z,y1]", "dcgain[y1,v]"],
+        initial="zero",
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert "gamma2" not in setid.unidentifiable(model)
+    assert scaled_parameters(model) == ()
+
+
+def test_a_reference_settles_all_scales() -> None:
+    """Two branches have a scale each: with one of them the other stays open."""
+    gain = setid.TransferFunction(0, 1)
+    maps = {"w": setid.StaticMap("u1", 2), "v": setid.StaticMap("u2", 2)}
+    model = setid.BlockStructured({("y1", "w"): gain, ("y1", "v"): gain}, maps, inputs=2)
+    u = np.random.default_rng(4).uniform(-1, 1, (20, 2))
+    y = u @ [1.0, 2.0] + u**2 @ [0.5, 0.25]
+    known = setid.formulate(setid.IOData(u, y), model, setid.Noise(output=0.01))
+    rows = known.products
+    assert rows is not None
+    box = parameter_box(rows.regression, rows.start(start_of(known)))
+    assert known.parameters.index("gamma[w]1") in products_with(rows, box)
+    reference = normalised_by(model, "gamma[w]1")
+    assert scaled_parameters(reference) and not reference_follows(known, reference, box)
+    half = setid.formulate(known.data, reference, known.noise)
+    assert half.products is not None
+    other = parameter_box(half.products.regression, half.products.start(start_of(half)))
+    assert reference_follows(half, normalised_by(reference, "gamma[v]1"), other)
