@@ -38,12 +38,17 @@ from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import problem_on_box
 from setid.result.assembling import Outcome, stated_problem
 from setid.result.identification import Identification
+from setid.result.reports import NOT_CLAIMED
 
 __all__ = ["bound_parameters"]
 
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
+)
+_NOT_AT_REST = (
+    "with an offset the first samples of a system at rest say nothing of products of "
+    f"denominators: {NOT_CLAIMED}"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
 _NO_BOX = "time ended in the search for a box from the data: give more time"
@@ -82,7 +87,22 @@ def _by_methods(formulation: Formulation, context: BoundingContext) -> Identific
     if exact is not None:
         return exact
     direct = without_partial_outputs(formulation)
-    return _on_box(direct, context, () if direct is formulation else (_DIRECT,))
+    if direct is formulation:
+        return _on_box(formulation, context, ())
+    if direct.model.initial == formulation.model.initial:
+        return _on_box(direct, context, (_DIRECT,))
+    return _without_attained(_on_box(direct, context, (_DIRECT, _NOT_AT_REST)))
+
+
+def _without_attained(found: Identification) -> Identification:
+    """Claim outer ends alone: what is attained need not belong to the structure that was given."""
+    items = {
+        name: item
+        if item.status is IntervalStatus.EMPTY
+        else replace(item, inner=None, witnesses=(None, None), status=IntervalStatus.PARTIAL)
+        for name, item in found.intervals.items()
+    }
+    return replace(found, intervals=FrozenMapping(items))
 
 
 def _intersect(found: Identification, other: Identification, tol: float) -> Identification:

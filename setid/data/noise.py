@@ -18,7 +18,14 @@ from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import NoiseError
 
-__all__ = ["EnergyBound", "EstimatedBound", "Noise", "RateLimit", "estimate_noise_bound"]
+__all__ = [
+    "EnergyBound",
+    "EstimatedBound",
+    "Noise",
+    "NoiseConstraint",
+    "RateLimit",
+    "estimate_noise_bound",
+]
 
 Bound = float | NDArray[np.float64]
 
@@ -262,6 +269,13 @@ class EnergyBound:
     def __post_init__(self) -> None:
         _check_set(self.kind, self.radius, "radius")
 
+    def describe(self) -> str:
+        """Say what is assumed, as results repeat it."""
+        return (
+            f"the Euclidean norm of the {self.kind} noise over each record is at most "
+            f"{self.radius!r}"
+        )
+
     def __call__(self, layout: NoiseVariables) -> list[sp.Constraint]:
         """One quadratic inequality for each record."""
         rows = []
@@ -297,6 +311,10 @@ class RateLimit:
 
     def __post_init__(self) -> None:
         _check_set(self.kind, self.limit, "limit")
+
+    def describe(self) -> str:
+        """Say what is assumed, as results repeat it."""
+        return f"{self.kind} noise changes by at most {self.limit!r} from sample to sample"
 
     def __call__(self, layout: NoiseVariables) -> list[sp.Constraint]:
         """Two linear inequalities for each pair of neighbours that both have noise."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import parameters_of
-from setid.data.noise import Noise
+from setid.data.noise import EnergyBound, Noise, NoiseConstraint, RateLimit
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, warn
 from setid.formulation.assembly import Rows, build, check_rows_of_priors
@@ -23,6 +23,7 @@ from setid.formulation.layout import Layout
 from setid.formulation.lifting import DRIVEN, LIFTED, Sum
 from setid.formulation.printing import equation_text
 from setid.formulation.regression import Regression, check_channels
+from setid.formulation.rounding import rounded_coefficients
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Initial, Structure
@@ -336,7 +337,7 @@ def formulate(
         dropped=built.dropped,
         assumptions=(
             *_assumptions(data, model, noise, wanted, built.dropped),
-            *_rounded_products(data, built.equations),
+            *rounded_coefficients(data, built.equations, _computes_numbers(model)),
             *(f"{record}; the rows are about what was rounded" for record in built.roundings),
         ),
         _equations=built.equations,
@@ -541,6 +542,7 @@ def _assumptions(
     if isinstance(model, ContinuousTransferFunction):
         texts.append(model.between_samples(noise.model_error))
     texts.append("each noise sample lies within its bound")
+    texts += [_described(constraint) for constraint in noise.constraints]
     if model.initial == "zero":
         texts.append("all signals are zero before the record")
     for field in ("u_range", "y_range"):
@@ -552,47 +554,19 @@ def _assumptions(
     return tuple(dict.fromkeys(texts))
 
 
-def _rounded_products(data: IOData, equations: Sequence[Equation]) -> tuple[str, ...]:
-    """Say where coefficients are products of samples that no double holds.
-
-    Rows are statements about the rounded products. Where the noise bounds are small, that is not
-    the same as the statement about the samples: with no noise at all, exact data may fail it.
-    """
-    signals = {f"y{k + 1}": data.y[:, k] for k in range(data.outputs)}
-    signals |= {f"u{k + 1}": data.u[:, k] for k in range(data.inputs)}
-    monomials = {item.signals for equation in equations for item in equation.terms}
-    inexact = 0
-    for factors in (m for m in monomials if len(m) > 1 and all(f.signal in signals for f in m)):
-        longest = max(factor.lag for factor in factors)
-        values = [signals[f.signal][longest - f.lag : data.samples - f.lag] for f in factors]
-        inexact += int(np.count_nonzero(_is_rounded(values)))
-    if not inexact:
-        return ()
-    return (
-        f"{inexact} products of samples are rounded to nearest doubles, each by at most 1.2e-16 of "
-        "its size: equation errors are bounded for the rounded products",
-    )
+def _described(constraint: NoiseConstraint) -> str:
+    """Say what a constraint on the noise over the record is."""
+    if isinstance(constraint, EnergyBound | RateLimit):
+        return constraint.describe()
+    name = getattr(constraint, "__name__", type(constraint).__name__)
+    return f"the noise satisfies the constraints that {name} states"
 
 
-def _is_rounded(values: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Check for products of arrays that are no doubles (Dekker 1971, mul12)."""
-    product, lost = values[0], np.zeros(values[0].size, bool)
-    with np.errstate(all="ignore"):
-        for other in values[1:]:
-            found = product * other
-            one, two = _halves(product), _halves(other)
-            error = one[0] * two[0] - found + one[0] * two[1] + one[1] * two[0] + one[1] * two[1]
-            tiny = (np.abs(found) < 1e-290) & (product != 0) & (other != 0)
-            lost |= (error != 0) | tiny
-            product = found
-    return lost & ~np.isnan(product)
-
-
-def _halves(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Split doubles into two of 26 bits each (Veltkamp)."""
-    high = x * 134217729.0
-    high = high - (high - x)
-    return high, x - high
+def _computes_numbers(model: Structure) -> bool:
+    """Check that numbers in equations come from others: sampling times, products of fixed ones."""
+    if isinstance(model, BlockStructured):
+        return len(model.fixed) > 1
+    return isinstance(model, ContinuousTransferFunction) and model.method != "indirect"
 
 
 def count_equations(formulation: Formulation) -> int:

@@ -22,6 +22,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = [
+    "NOT_CLAIMED",
     "Remarks",
     "active_priors",
     "advice",
@@ -34,6 +35,7 @@ __all__ = [
 ]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
+NOT_CLAIMED = "nothing is claimed to be attained"  # the end of a note that says why
 _NEAR = 1e-6  # closer than this share of a bound counts as at it
 _WIDE = 0.3  # relative half width from which an interval is called wide
 
@@ -95,12 +97,12 @@ def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     mixed = _mixed(result)
     known = [item for item in result.intervals.values() if item.name not in mixed]
     statuses = dict.fromkeys(item.status for item in known)
-    helps = {IntervalStatus.PARTIAL: _help(result, known)}
+    helps = {IntervalStatus.PARTIAL: _help(result, known, remarks)}
     lines = [f"{status}: {helps.get(status, status.message)}" for status in statuses]
     return lines + _centre(result) + _advice(result, remarks)
 
 
-def _help(result: FeasibleSet, items: list[ParameterInterval]) -> str:
+def _help(result: FeasibleSet, items: list[ParameterInterval], remarks: Remarks) -> str:
     """Say what keeps intervals open in this run, and what would close them."""
     partial = [item for item in items if item.status is IntervalStatus.PARTIAL]
     loose = [item.name for item in partial if not np.all(np.isfinite(item.outer))]
@@ -112,6 +114,8 @@ def _help(result: FeasibleSet, items: list[ParameterInterval]) -> str:
             f"No finite ends of {shown} follow from the data and the priors by the methods that "
             f"were tried: give a prior such as {prior}, a stronger input or less noise."
         )
+    if any(text.endswith(NOT_CLAIMED) for text in remarks.notes):
+        return "The outer ends are proved. The notes say why none is claimed to be attained."
     found = "not attained within the tolerance"
     if any(item.inner is None for item in partial):
         found = "no consistent parameters were found"

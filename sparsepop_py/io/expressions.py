@@ -31,6 +31,7 @@ __all__ = [
     "excerpt",
     "names_in",
     "parse_expression",
+    "parse_exact_number",
     "parse_number",
     "tokenize",
 ]
@@ -180,13 +181,30 @@ def parse_number(source: str | Sequence[Token]) -> float:
     >>> parse_number("-(1 + 1/2)^2")
     -2.25
     """
+    return float(parse_exact_number(source))
+
+
+def parse_exact_number(source: str | Sequence[Token]) -> Number:
+    """Compute the value of an expression without variables, exactly.
+
+    Raises
+    ------
+    ExpressionError
+        As of :func:`parse_number`.
+
+    Examples
+    --------
+    >>> parse_exact_number("1/3 + 1")
+    Fraction(4, 3)
+    """
     parser = _Parser(source, Vocabulary(()))
     value = parser.whole().get((), 0)
     try:
-        return float(value)
+        float(value)
     except OverflowError:
         found = "-inf" if value < 0 else "inf"
         raise ExpressionError(found, "a finite number", parser.start) from None
+    return value
 
 
 def _words(terms: Terms) -> monomials.Words:

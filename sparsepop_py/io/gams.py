@@ -10,6 +10,8 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
+from math import isfinite
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -23,7 +25,7 @@ from sparsepop_py.io.expressions import (
     ExpressionError,
     Vocabulary,
     excerpt,
-    parse_number,
+    parse_exact_number,
 )
 from sparsepop_py.io.gams_writer import write_gms
 from sparsepop_py.io.other_software.integers import problem_with_integers
@@ -154,6 +156,7 @@ def _split(path: str, text: str) -> Iterator[Statement]:
         start = end + 1
 
 
+Bound = float | Fraction
 INFINITE = 1e10  # bounds of this magnitude stand for none
 Row = tuple[Polynomial | Rational, Kind]
 Expression = TypeVar("Expression", Polynomial, Rational, Polynomial | Rational)
@@ -173,11 +176,11 @@ class _Variable:
     statement: Statement
     kind: str = "free"
     listed: bool = False  # in a plain list, not only in one such as Positive Variables
-    lower: float | None = None  # given by .lo or .fx
-    upper: float | None = None
+    lower: Bound | None = None  # given by .lo or .fx
+    upper: Bound | None = None
 
     @property
-    def bounds(self) -> tuple[float, float]:
+    def bounds(self) -> tuple[Bound, Bound]:
         """Bounds given, or else those that the kind implies."""
         least = 0.0 if self.kind in ("positive", "binary", "integer") else -np.inf
         most = {"negative": 0.0, "binary": 1.0}.get(self.kind, np.inf)
@@ -337,7 +340,7 @@ class _Reader:
         if suffix not in _BOUNDS:
             raise statement.error(f"'.{suffix}'", ".lo, .up, .fx (or .l, .m, which are ignored)")
         try:
-            value = parse_number(statement.text[match.end() :])
+            value = parse_exact_number(statement.text[match.end() :])
         except ExpressionError as error:
             raise statement.error(
                 error.found, "a finite number (1e10 for no bound)", match.end() + error.position
@@ -372,14 +375,15 @@ class _Reader:
                 raise statement.error("a part of the equations", "'/ all /'")
         for variable in self.variables.values():
             low, high = variable.bounds
-            if variable.kind == "integer" and not np.isfinite([low, high]).all():
+            if variable.kind == "integer" and not (isfinite(low) and isfinite(high)):
                 raise variable.statement.error(
                     f"the integer variable {variable.name!r}",
                     "two bounds of each integer variable: it becomes a sum of binaries",
                 )
             if low > high or low >= INFINITE or high <= -INFINITE:
                 raise variable.statement.error(
-                    f"bounds [{low:g}, {high:g}] of {variable.name!r}", "lower <= upper"
+                    f"bounds [{float(low):g}, {float(high):g}] of {variable.name!r}",
+                    "lower <= upper",
                 )
 
     def direction(self, comments: list[Statement]) -> tuple[str, str, Statement]:
@@ -417,10 +421,9 @@ class _Reader:
         ]
         constraints += _objective_bounds(objective, objvar)
         constraints += _binaries(others, names)
-        bounds = np.array([variable.bounds for variable in others])
         sense: Literal["min", "max"] = "max" if word == "maxi" else "min"
         stated = -objective if sense == "max" else objective
-        low, high = bounds[:, 0].tolist(), bounds[:, 1].tolist()
+        low, high = map(list, zip(*(variable.bounds for variable in others), strict=True))
         integer = [v for v, each in enumerate(others) if each.is_integer]
         polynomial = [row for row in constraints if isinstance(row, Constraint)]
         if isinstance(stated, Polynomial) and len(polynomial) == len(constraints):
@@ -475,7 +478,7 @@ class _Reader:
         (slope,) = whole.derivative(whole.dimension - 1).fractions
         above = slope > 0  # the objective variable is at least what the row says
         near = objvar.bounds[0 if above else 1]
-        if (word == "mini") is not above or np.isfinite(near):
+        if (word == "mini") is not above or isfinite(near):
             raise self.definitions[key].statement.error(
                 f"an inequality that leaves {objvar.name!r} free to differ from it at the optimum",
                 "=E=",
@@ -545,9 +548,9 @@ def _objective_bounds(
     if low == high:
         yield constraint(objective - low, Kind.ZERO, f"{objvar.name}_fx")
         return
-    if np.isfinite(low):
+    if isfinite(low):
         yield constraint(objective - low, Kind.NONNEGATIVE, f"{objvar.name}_lo")
-    if np.isfinite(high):
+    if isfinite(high):
         yield constraint(high - objective, Kind.NONNEGATIVE, f"{objvar.name}_up")
 
 

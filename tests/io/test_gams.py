@@ -458,3 +458,34 @@ def test_integers_are_sums_of_bits(read) -> None:
         bits = [float(digit) for digit in f"{y - 2:03b}"[::-1]]
         assert problem.violation([9.0, y, *bits]) == 0
     assert problem.violation([9.0, 2.5, 0.5, 0, 0]) > 0.2
+
+
+@pytest.mark.parametrize(
+    ("bounds", "places"),
+    [
+        ("x1.lo = 0; x1.up = 1/3;", ["upper"]),
+        ("x1.fx = 1/3;", ["lower", "upper"]),
+        ("x1.lo = 0; x1.up = 0.1;", []),
+        ("x1.lo = 1/4; x1.up = 1e0;", []),
+    ],
+)
+def test_bounds_that_are_no_doubles_are_recorded(read, bounds: str, places: list[str]) -> None:
+    """With x1 <= 1/3 rounded down the row leaves no point; as written it holds at 1/3."""
+    text = (
+        "Variables x1,x2,objvar; Equations e1,e2; e1.. objvar - x1 =E= 0;"
+        "e2.. 1e16*x1 - x2 =E= 3333333333333333;" + bounds + "x2.lo = 0.25; x2.up = 5;"
+        "Model m / all /; Solve m using NLP minimizing objvar;"
+    )
+    problem = read(text)
+    assert [record.place for record in problem.rounding] == places
+    if places == ["upper"]:
+        found = sp.solve(problem)
+        assert found.status is sp.Status.INFEASIBLE and "rounded bounds" in found.notes[0]
+
+
+def test_bounds_of_the_objective_variable_are_exact(read) -> None:
+    problem = read(
+        "Variables x1,objvar; Equations e1; e1.. objvar - x1 =E= 0; objvar.up = 1/3; x1.lo = 0;"
+        "x1.up = 1; Model m / all /; Solve m using NLP minimizing objvar;"
+    )
+    assert [record.place for record in problem.rounding] == ["constraint 0 (objvar_up)"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 
 import numpy as np
 
@@ -19,7 +20,7 @@ _MOST_BITS = 30  # an integer variable may take at most 2^30 values
 def problem_with_integers(
     objective: Polynomial,
     constraints: Iterable[Constraint],
-    bounds: tuple[Sequence[float], Sequence[float]],
+    bounds: tuple[Sequence[float | Fraction], Sequence[float | Fraction]],
     names: Sequence[str],
     integer: Iterable[int],
     sense: Sense = "min",
@@ -31,7 +32,7 @@ def problem_with_integers(
     objective : Polynomial
         In the n variables; as stored, so that it is minimised whatever ``sense`` is.
     constraints : iterable of Constraint
-    bounds : (n,) float, (n,) float
+    bounds : (n,) numbers, (n,) numbers
         Lower and upper; -inf and inf for none.
     names : sequence of str
     integer : iterable of int
@@ -50,7 +51,7 @@ def problem_with_integers(
     ProblemError
         If an integer variable has no two bounds, or no integer between them.
     """
-    low, high = (np.array(side, float) for side in bounds)
+    low, high = (np.array(side, object) for side in bounds)  # as given
     chosen = sorted(set(integer))
     count = {v: _bits(names[v], low[v], high[v]) for v in chosen}
     labels = [*names, *(f"{names[v]}_bit{k}" for v in chosen for k in range(count[v]))]

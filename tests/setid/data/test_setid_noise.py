@@ -137,3 +137,18 @@ def test_a_norm_beyond_all_doubles_says_nothing() -> None:
     model = setid.TransferFunction(0, 1, inputs=2)
     without = setid.formulate(DATA, model, setid.Noise(output=1.0)).problem
     assert len(setid.formulate(DATA, model, noise).problem.constraints) == len(without.constraints)
+
+
+def test_constraints_on_the_noise_are_assumptions() -> None:
+    def nothing(layout: object) -> list[sp.Constraint]:
+        return []
+
+    sets = [setid.EnergyBound("output", 0.5), setid.RateLimit("output", 0.25), nothing]
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    noise = setid.Noise(output=1.0, constraints=sets)
+    known = setid.formulate(data, setid.TransferFunction(1, 1), noise)
+    assert known.assumptions[-3:] == (
+        "the Euclidean norm of the output noise over each record is at most 0.5",
+        "output noise changes by at most 0.25 from sample to sample",
+        "the noise satisfies the constraints that nothing states",
+    )
