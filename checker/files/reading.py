@@ -40,6 +40,10 @@ class Constraint:
         count = len(self.entries)
         return (isqrt(8 * count + 1) - 1) // 2 if self.kind == "PSD" else count
 
+    def words(self) -> set[tuple[int, ...]]:
+        """Collect the words of the polynomial and of all entries."""
+        return {word for p in (self.polynomial, *self.entries) for word in p.terms}
+
     def place(self, i: int, j: int) -> int:
         """Find which entry stands in row i and column j, -1 for a zero."""
         i, j = max(i, j), min(i, j)

@@ -343,8 +343,7 @@ def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what is left of a tree of cones, with gains bounded on each."""
     tree = Tree(step, rows)
     if tree.stable:
-        text = f"given: the poles of output {tree.got.output} lie in the closed unit disc"
-        rows.about.stated.append(text)
+        rows.about.stable.add(tree.got.output)
     hull: Ends = [[INF] * rows.count, [-INF] * rows.count]
     for found in tree.leaves(ends):
         if not nothing(found):

@@ -26,6 +26,7 @@ def bounded_by(inner: Any, about: Any, box: Ends) -> Ends:
     check_structures(about, inner)
     inner.check()
     about.taken += inner.taken
+    about.stable |= inner.stable
     one = about.structure
     offsets = [name for i in one.outputs for term in one.offset(i) for name in term.parameters]
     check_question(about, inner, offsets)
@@ -35,6 +36,8 @@ def bounded_by(inner: Any, about: Any, box: Ends) -> Ends:
     known = [(iv.below(number(a, "outer")), iv.above(number(b, "outer"))) for a, b in outer]
     letters = {name: v for v, name in enumerate(about.names, 1)}
     for i, name in enumerate(offsets):
+        if not one.adds_offset(i):
+            continue  # the same offset
         factors = [[letters[a] for a in d] for d in one.denominators(i)]
         known[letters[name] - 1] = iv.quotient(known[letters[name] - 1], at_one(factors, known))
     return met(box, [iv.exact(a) for a, _ in known], [iv.exact(b) for _, b in known])
@@ -47,7 +50,7 @@ def check_structures(about: Any, inner: Any) -> None:
         raise NotProved("driven: rows of another structure")
     if (two.shown["form"], two.zero) != ("driven", False) or not one.shown["offset"]:
         raise NotProved("driven: rows whose offset does not drive the equation")
-    if one.shown["form"] in ("direct", "driven"):
+    if not any(map(one.adds_offset, one.outputs)):
         raise NotProved("driven: rows about the same offset")
     if any(any(column) for column in about.record.bounds["equation"]):
         raise NotProved("driven: equation errors, which are not those of sums")

@@ -22,6 +22,7 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
         raise NotProved("fewer_priors: rows of another structure")
     inner.check()
     about.taken += inner.taken
+    about.stable |= inner.stable
     check_given(about, inner, "fewer_priors")
     if inner.empty:
         return [[INF] * len(about.names), [-INF] * len(about.names)]

@@ -28,6 +28,7 @@ from .driven import bounded_by
 from .fewer_priors import bounded_with_fewer
 from .linear_rows import Ends, bound_rows, combined, move
 from .parameter_box import proved_box
+from .stability import in_disc
 from .structure import ZERO, Record, Structure, Terms
 
 LIFTED = "lifted"  # the group of unknowns that stand for polynomials in the parameters
@@ -62,6 +63,7 @@ class Identification:
         self.fewer = _inside(found, "fewer_priors", ("fewer_priors",))
         self.taken: list[str] = []  # what is not checked
         self.stated: list[str] = []  # rows that are part of the question
+        self.stable: set[int] = set()  # outputs whose poles are said to lie in the closed unit disc
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
@@ -81,6 +83,8 @@ class Identification:
             self.record.letters[key] = k + 1
             label = f"{group}{channel or ''}[{place + 1}]"
             self.labels.append(self.names[k] if first else label)
+        if len(set(self.labels)) < len(self.labels):
+            raise Malformed("variables: two unknowns of one name")
 
     def _stated(self, stated: Any) -> Structure | None:
         """The structure, if it is one whose rows are built here."""
@@ -101,7 +105,8 @@ class Identification:
             raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
-            self.whole = self._noise_as_stated()
+            self.whole = True
+            self._check_noise()
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
         self._define()
@@ -224,8 +229,13 @@ class Identification:
         stated = self._in_parameters(self._unscaled(c))
         own, constant = row.pop((), ZERO), stated.pop((), ZERO)
         wanted = {word: value for word, value in row.items() if value}
-        if set(stated) != set(wanted) or c.side or not wanted:
+        if set(stated) != set(wanted) or c.side:
             return "other unknowns than in the record"
+        if not wanted:  # a row of numbers alone, as in a record at rest
+            false = abs(own) > width
+            self.sides.setdefault((name, k), set()).update(() if false else (False, True))
+            fine = constant == 0 or (constant > 0 and not c.equality)
+            return "" if fine or false else "another constant"
         ratios = {value / wanted[word] for word, value in stated.items()}
         if len(ratios) > 1:
             return "other coefficients than in the record"
@@ -242,23 +252,24 @@ class Identification:
         self.loose |= slack > abs(constant) / 2**52
         return "" if slack >= 0 and width else "tighter than the bound of the equation error"
 
-    def _noise_as_stated(self) -> bool:
-        """Check that unknowns of noise have exactly the stated bounds."""
-        return all(
-            self._bounds(letter - 1) == (-size, size)
-            for (group, channel, k), letter in self.record.letters.items()
-            if group in GROUPS
-            for size in [self.record.bounds[GROUPS[group]][channel - 1][k]]
-        )
+    def _check_noise(self) -> None:
+        """Check that unknowns of noise are bounded no more than is stated."""
+        for v in range(len(self.names), self.problem.dimension):
+            if self._key(v)[0] in GROUPS:
+                self._check_bounds(v)
 
     def _bounds(self, v: int) -> tuple[Any, Any]:
         """The bounds of an unknown, in units of the record."""
         low, high = (times(e[v], self.units[v]) for e in (self.problem.lower, self.problem.upper))
         return low, high
 
+    def _key(self, v: int) -> tuple[str, int, int]:
+        """Group, channel and sample of an unknown."""
+        return next(key for key, letter in self.record.letters.items() if letter == v + 1)
+
     def _check_bounds(self, v: int) -> None:
         """The bounds of an unknown sample are no tighter than what is known of it."""
-        group, channel, k = next(key for key, at in self.record.letters.items() if at == v + 1)
+        group, channel, k = self._key(v)
         low, high = self._bounds(v)
         known: tuple[Any, Any] | None = (-INF, INF)
         if group == "slack":
@@ -285,7 +296,7 @@ class Identification:
         if self.fewer is not None:
             box = bounded_with_fewer(self.fewer, self, box)
         empty = any(a > b for a, b in zip(*box, strict=True))
-        used = {v for c in self.problem.constraints for w in c.polynomial.terms for v in w}
+        used = {v for c in self.problem.constraints for w in c.words() for v in w}
         for v in range(len(self.names)):
             pair = self.problem.lower[v], self.problem.upper[v]
             low, high = (times(end, self.units[v]) for end in pair)
@@ -372,6 +383,8 @@ class Identification:
             if (low, high) != (-INF, INF):
                 lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
         lines += self._others_given() + self.stated
+        for output in sorted(self.stable):
+            lines.append(f"given: the poles of output {output} lie in the closed unit disc")
         lines += [f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions]
         if self.loose:
             lines.append("rows of equation errors allow more than the noise: no end is attained")
@@ -381,7 +394,8 @@ class Identification:
 
     def _others_given(self) -> list[str]:
         """Bounds that a file gives of unknown samples, and of unknowns that priors bring."""
-        found = self.bounds_of("y", "u", "slack")
+        groups = ("slack",) if self.structure is not None else ("y", "u", "slack")
+        found = self.record.given_ranges() | self.bounds_of(*groups)
         return [f"given: {name} in [{shown(a)}, {shown(b)}]" for name, (a, b) in found.items()]
 
     def bounds_of(self, *groups: str) -> dict[str, tuple[Any, Any]]:
@@ -393,6 +407,18 @@ class Identification:
             if group in groups and (low, high) != (-INF, INF):
                 found[self.labels[letter - 1]] = low, high
         return found
+
+    def _is_stable(self, point: Any) -> bool:
+        """Check that the poles of an attained point are as they are said to be."""
+        if not self.stable:
+            return True
+        ends = [(x - point.radius, x + point.radius) for x in point.x]
+        scaled = dict(zip(self.names, zip(ends, self.units, strict=False), strict=False))
+        return all(
+            in_disc([(a * unit, b * unit) for (a, b), unit in (scaled[name] for name in names)])
+            for output in self.stable
+            for names in self.structure.denominators(output - 1)
+        )
 
     def _interval(
         self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool
@@ -413,6 +439,8 @@ class Identification:
         inner = item(stated, "inner", "intervals")
         if inner is None or not points or not self.whole:
             return [line]
+        if not all(self._is_stable(point) for point in points):
+            return [f"{line}; of what is attained it is not shown that the poles are as given"]
         a, b = (number(x, name) for x in items(inner, name))
         least = min(p.x[v] + p.radius for p in points) * self.units[v]
         most = max(p.x[v] - p.radius for p in points) * self.units[v]

@@ -122,6 +122,10 @@ class Structure:
         several = len(set(own)) > 1
         return bool(self.given.form == "partial" or (self.given.form == "auto" and several))
 
+    def adds_offset(self, i: int) -> bool:
+        """Check whether an offset is added to an output itself, not to its equation."""
+        return self.splits(i) or self.given.form in ELIMINATED
+
     def _sum(self, i: int) -> list[Term]:
         parts = [Term(-1, (), f"z[{i + 1},{j + 1}]", 0) for j in self.inputs]
         return [Term(1, (), f"y{i + 1}", 0), *parts, *self.offset(i)]
@@ -134,7 +138,7 @@ class Structure:
             others = multiplied([d for d in distinct if d != own[j]])
             for shift, b in self.numerator(i, j):
                 found += [Term(-1, (*names, b), f"u{j + 1}", lag + shift) for lag, names in others]
-        added = self.splits(i) or self.given.form in ELIMINATED  # the offset, to the output itself
+        added = self.adds_offset(i)
         if added and self.given.offset and self.zero:
             raise NotProved("an offset of an output at rest, with its denominators multiplied out")
         distinct = distinct if added else []
@@ -212,6 +216,16 @@ class Record:
             return None
         low, high = (Fraction(finite(v, "record.ranges")) for v in given[channel])
         return low, high
+
+    def given_ranges(self) -> dict[str, tuple[Fraction, Fraction]]:
+        """List the ranges of channels with missing samples, by what they are about."""
+        found = {}
+        for letter, channels in (("u", self.u), ("y", self.y)):
+            for number, channel in enumerate(channels, 1):
+                ends = self.range(letter, number - 1) if None in channel else None
+                if ends is not None:
+                    found[f"each missing sample of {letter}{number}"] = ends
+        return found
 
     def row(self, terms: list[Term], parameters: dict[str, int], k: int, zero: bool) -> Terms:
         """Write the polynomial of an equation at sample k, in all unknowns."""

@@ -156,7 +156,7 @@ def test_poles_lie_between_the_ratios_of_the_cones_that_are_left():
     assert found == ends  # the second cone has a vector (-1, 1)
     found = by_denominators(step(table, [2], [node()], stable=True), rows, ends)
     assert found == [[-1, -9], [1, 9]]
-    assert known.stated == ["given: the poles of output 1 lie in the closed unit disc"]
+    assert known.stable == {1}
     whole = node(children=[1, 2], edge=[0, 1], weights=[1, 3])
     found = by_denominators(step(table, [2], [whole, node(), node()], stable=True), rows, ends)
     assert found == [[-1, -9], [1, 9]]

@@ -203,7 +203,7 @@ def test_ends_outside_what_is_given_are_not_attained():
 def test_bounds_of_other_unknowns_are_shown():
     """Missing samples lie in a range, and reflection coefficients of a prior in [-1, 1]."""
     shown = Identification(loaded("gap-range")).check()
-    assert any(line.startswith("given: y1[") for line in shown)
+    assert any(line.startswith("given: each missing sample of y1 in [") for line in shown)
     record = setid.IOData(np.r_[1.0, -1.0, 2.0, 0.5, 1.0, -2.0], np.r_[0.0, 1, -1, 2, 1, 1])
     priors = [setid.Stable(), setid.Box({"b0": (-3, 3), "b1": (-3, 3)})]
     model = setid.TransferFunction(3, 2, initial="zero")
@@ -682,7 +682,10 @@ SHOWN = {
     ],
 )
 def test_structures_differ_in_their_offset_alone(form, two, error, why):
-    one = SimpleNamespace(shown=SHOWN | {"form": form}, zero=True)
+    adds = form not in ("direct", "driven")
+    one = SimpleNamespace(
+        shown=SHOWN | {"form": form}, zero=True, outputs=range(1), adds_offset=lambda i: adds
+    )
     other = SimpleNamespace(shown=SHOWN | {"form": "driven"} | two, zero=False)
     bounds = SimpleNamespace(bounds={"equation": [[0.0, error]]})
     about, inner = (SimpleNamespace(structure=s, record=bounds) for s in (one, other))
