@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sparsepop_py as sp
@@ -84,3 +85,32 @@ def test_other_versions_are_refused(version: Any) -> None:
         sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 3, 4, 5, 6"
     ):
         sp.from_json(json.dumps(found))
+
+
+def test_points_that_were_polished_are_kept_to_the_last_digit() -> None:
+    """min x over x^2 == 2: a point by Krawczyk's test is proved again as it is."""
+    x = sp.variables(1)[0]
+    for square in (2, 3, 5, 7, 10):
+        result = sp.solve(sp.Problem(x, [x**2 == square], -10, 10))
+        assert result.attained is not None and result.attained.proof == "krawczyk"
+        text = sp.to_json(result)
+        assert sp.to_json(sp.from_json(text)) == text
+        again = result.attained.recheck(result.problem)
+        assert again is not None and again.value == result.attained.value
+        assert np.array_equal(again.x, result.attained.x)
+
+
+@pytest.mark.parametrize("field", ["lower_bound", "upper_bound"])
+def test_bounds_are_numbers(field: str) -> None:
+    x = sp.variables(1)[0]
+    found = json.loads(sp.to_json(sp.solve(sp.Problem(x**2 - x, lower=-1, upper=1))))
+    found["result"][field] = "nan"
+    with pytest.raises(sp.SparsePOPError, match=f"result.{field}: found 'nan'"):
+        sp.from_json(json.dumps(found))
+
+
+def test_words_may_be_longer_integers() -> None:
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    text = sp.to_json(problem).replace('"i4"', '"i8"')
+    assert '"i8"' in text and sp.from_json(text).fingerprint == problem.fingerprint

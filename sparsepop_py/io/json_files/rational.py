@@ -15,7 +15,8 @@ from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
     array_of,
-    number,
+    bound,
+    finite,
     optional,
     record,
     sequence,
@@ -104,9 +105,9 @@ RANGE = record(RangeProof, sign=whole, below=CERTIFICATE, above=optional(CERTIFI
 RATIONAL_CERTIFICATE = record(
     RationalCertificate,
     fingerprint=text,
-    bound=number,
+    bound=bound,
     ranges=sequence(RANGE),
-    level=optional(number),
+    level=optional(finite),
     certificate=optional(CERTIFICATE),
 )
 RATIONAL_RESULT = record(
@@ -114,8 +115,8 @@ RATIONAL_RESULT = record(
     problem=RATIONAL_PROBLEM,
     options=OPTIONS,
     status=STATUS,
-    lower_bound=number,
-    upper_bound=number,
+    lower_bound=bound,
+    upper_bound=bound,
     x=optional(array),
     certificate=RATIONAL_CERTIFICATE,
     attained=optional(PROVED_POINT),

@@ -17,6 +17,7 @@ from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
     array_of,
+    bound,
     finite,
     number,
     optional,
@@ -59,11 +60,14 @@ def _polynomial(words: Any, coefficients: Any, dimension: int) -> Polynomial:
             f"polynomial: found words {words.shape} and coefficients {coefficients.shape}, "
             "expected one word a coefficient"
         )
-    if words.dtype != np.int32 or words.shape[1] < 1 or coefficients.dtype != np.float64:
-        raise ProblemError("polynomial: found other types, expected i4 words and f8 coefficients")
+    integers = words.dtype in (np.int32, np.int64)
+    if not integers or words.shape[1] < 1 or coefficients.dtype != np.float64:
+        raise ProblemError(
+            "polynomial: found other types, expected words i4 or i8 and coefficients f8"
+        )
     if words.size and not (words.min() >= 0 and words.max() <= dimension):
         raise ProblemError(f"polynomial: found a variable outside 1..{dimension}")
-    words = monomials.trim(np.sort(words, axis=1))
+    words = monomials.trim(np.sort(words.astype(np.int32), axis=1))
     if monomials.collect(words, dimension)[0].shape[0] < words.shape[0]:
         raise ProblemError("polynomial: found a word twice, expected distinct ones")
     return Polynomial.from_words(words, coefficients, dimension)
@@ -216,13 +220,13 @@ def check_bounds(lower: float, upper: float, proved: float, attained: float) -> 
     ------
     ClaimError
     """
-    if lower > proved:
+    if not lower <= proved:
         raise ClaimError(
             f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
             "which its certificate proves"
         )
     near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
-    if upper < attained and not near:
+    if not (upper >= attained or near):
         raise ClaimError(
             f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
             "which its point attains"
@@ -261,8 +265,8 @@ HISTORY_ENTRY = record(
     HistoryEntry,
     name=text,
     order=whole,
-    lower_bound=number,
-    upper_bound=number,
+    lower_bound=bound,
+    upper_bound=bound,
     seconds=number,
     largest_block=whole,
     moments=whole,
@@ -278,8 +282,8 @@ RESULT = record(
     problem=PROBLEM,
     options=OPTIONS,
     status=STATUS,
-    lower_bound=number,
-    upper_bound=number,
+    lower_bound=bound,
+    upper_bound=bound,
     x=optional(array),
     certificate=optional(CERTIFICATE),
     attained=optional(PROVED_POINT),

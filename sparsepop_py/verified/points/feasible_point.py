@@ -113,7 +113,9 @@ class ProvedPoint:
         )
         if not sensible:
             return None
-        return prove_point(problem, self.x, self.rows, self.solved, self.proof)
+        as_it_is = self.x, self.rows, self.solved, self.proof
+        again = prove_point(problem, *as_it_is, polish=False)
+        return prove_point(problem, *as_it_is) if again is None else again
 
 
 def prove_point(
@@ -122,6 +124,7 @@ def prove_point(
     rows: NDArray[np.int64],
     solved: NDArray[np.int64],
     proof: str,
+    polish: bool = True,
 ) -> ProvedPoint | None:
     """Solve ``rows`` for the variables ``solved`` and check all other constraints.
 
@@ -131,6 +134,9 @@ def prove_point(
     x : (n,) float
     rows, solved : (r,) int
     proof : {"exact", "krawczyk", "substitution"}
+    polish : bool
+        Whether Newton steps come first, for ``"krawczyk"``; a point that was polished is proved
+        as it is without.
 
     Returns
     -------
@@ -144,7 +150,7 @@ def prove_point(
     if not rows.size:
         return None
     if proof == "krawczyk":
-        return _prove_by_krawczyk(problem, x, rows, solved)
+        return _prove_by_krawczyk(problem, x, rows, solved, polish)
     return _prove_by_substitution(problem, x, rows, solved)
 
 
@@ -220,10 +226,11 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
 
 
 def _prove_by_krawczyk(
-    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any], polish: bool
 ) -> ProvedPoint | None:
-    system = problem.rows.take(rows)
-    near = polished(system, x, solved) if rows.size <= _LARGEST_SYSTEM else None
+    system, near = problem.rows.take(rows), None
+    if rows.size <= _LARGEST_SYSTEM:
+        near = polished(system, x, solved) if polish else x.copy()
     box = None if near is None else zero_near(system, near, solved)
     if near is None or box is None or not _holds_over(problem, box, rows):
         return None

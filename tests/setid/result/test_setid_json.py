@@ -292,3 +292,15 @@ def test_damage_ends_in_a_message_or_in_claims_that_hold(case: Any, count: int) 
         except setid.SetidError:
             refused += 1
     assert refused > count / 2
+
+
+def test_certified_ends_are_near_those_that_are_attained() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    found = json.loads(result.to_json())
+    assert found["result"]["intervals"][0]["status"] == "CERTIFIED"
+    found["result"]["intervals"][0]["outer"] = [-100.0, 100.0]
+    with pytest.raises(setid.SetidError, match="expected outer ends within"):
+        setid.Identification.from_json(json.dumps(found))
+    found["result"]["intervals"][0]["status"] = "PARTIAL"
+    assert setid.Identification.from_json(json.dumps(found)).intervals["a1"].outer[1] == 100.0
