@@ -78,6 +78,8 @@ def part_of(data: IOData, given: str) -> IOData:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if arguments.rows is not None and arguments.record is None:
+        raise SetidError("--rows: found it alone, expected --record as well, whose part it is")
     result = _read(arguments.file)
     data = None
     if arguments.record is not None:
@@ -111,8 +113,9 @@ def _rests_on(result: Identification) -> list[str]:
 
 def _read(path: str) -> Identification:
     """Read a stored identification; the reader verifies its claims."""
+    given = read_text(path)
     try:
-        found = parsed(read_text(path))
+        found = parsed(given)
     except (ValueError, RecursionError) as error:
         raise SetidError(f"{path}: {error}, expected JSON text") from None
     if isinstance(found, dict) and "is" not in found and {"file", "model"} <= set(found):
@@ -141,12 +144,21 @@ def _read(path: str) -> Identification:
 
 
 def _record(path: str, stored: IOData, decimal: str, header: int | None) -> IOData:
-    """Read a table with the channels and the sampling time of a stored record."""
+    """Read a table with the channels, sampling time and given ranges of a stored record."""
     names = [*stored.input_names, *stored.output_names]
     columns: list[str | int] = (
         [*names] if has_names(path, decimal, header) else [*range(len(names))]
     )
     nu = stored.inputs
-    return IOData.from_csv(
+    found = IOData.from_csv(
         path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal, header=header
+    )
+    return IOData(
+        found.u,
+        found.y,
+        found.Ts,
+        starts=found.starts,
+        assumptions=found.assumptions,
+        u_range=stored.u_range,
+        y_range=stored.y_range,
     )

@@ -220,6 +220,7 @@ def _recursion(model: Structure) -> str:
 _MOST = 100_000  # samples of a response
 _SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time
 _LONGEST = 3000  # samples of it
+_HOPELESS = 2  # times as many samples: where nothing is proved for all time
 
 
 def _plant(model: Structure, thetas: Reals) -> Reals:
@@ -296,4 +297,6 @@ def _settling(row: OutputRow, theta: Reals) -> int:
     if radius >= 1.0:
         return 1  # nothing will be proved
     count = np.ceil(np.log(_SETTLED) / np.log(radius)) + row.lag + 1
+    if count > _HOPELESS * _LONGEST:
+        return 1  # as above: too much of it would be cut off
     return int(min(count, _LONGEST))

@@ -8,11 +8,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import setid
 import sparsepop_py as sp
 from setid.cli import main
+from setid.result.json_ import certificate_text
 
 ROOT = Path(__file__).resolve().parents[2]
 ROWS = "u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n"
@@ -152,3 +154,36 @@ def test_nothing_is_lost_when_an_output_cannot_be_written(
     captured = capsys.readouterr()
     assert "1.91" in captured.out and "No space left" in captured.err
     assert not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize("missing", ["y", "u"])
+def test_ranges_of_missing_samples_are_those_of_the_claim(
+    missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table has no ranges; they are part of what is assumed, and are printed."""
+    rng = np.random.default_rng(0)
+    u, y = rng.uniform(-1, 1, 20), np.zeros(20)
+    for k in range(1, 20):
+        y[k] = 0.5 * y[k - 1] + u[k - 1]
+    (y if missing == "y" else u)[7] = np.nan
+    table = tmp_path / "record.csv"
+    cells = [["" if np.isnan(v) else repr(v) for v in row] for row in np.c_[u, y].tolist()]
+    table.write_text("u1,y1\n" + "".join(f"{a},{b}\n" for a, b in cells))
+    data = setid.IOData(u, y, **{f"{missing}_range": (-3.0, 3.0)})
+    options = setid.Options(time_limit=5, progress=False)
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(equation=0.01)
+    found = setid.identify(data, model, noise, (), options)
+    for text in (found.to_json(), certificate_text(found)):
+        path = tmp_path / "claim.json"
+        path.write_text(text)
+        assert main(["verify", str(path), "--record", str(table)]) == 0
+        assert f"missing samples of {missing} lie in" in capsys.readouterr().out
+
+
+def test_a_part_needs_its_record(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", str(files[0]), "--rows", "0:5"]) == 2
+    assert "expected --record as well" in capsys.readouterr().err
+    assert main(["verify", "nofile.json"]) == 2
+    assert capsys.readouterr().err.count("nofile.json") == 1
