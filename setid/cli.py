@@ -47,7 +47,6 @@ from sparsepop_py.cli import (
 )
 from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.commands.study import add_study
-from sparsepop_py.errors import check_writable
 from sparsepop_py.files import write_text
 
 __all__ = [
@@ -240,8 +239,6 @@ def _options(arguments: argparse.Namespace) -> Options:
 
 def _identify(arguments: argparse.Namespace) -> int:
     check_outputs(arguments)
-    if arguments.certificate:
-        check_writable(arguments.certificate, "--certificate")
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     checked = result.verify(data) if arguments.verify else None

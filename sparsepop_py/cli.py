@@ -277,10 +277,19 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
     _add_outputs(command)
 
 
+def _solver(name: str) -> str:
+    """Refuse the name of no solver; what is behind a colon is another package's."""
+    if ":" in name or name in solver_names():
+        return name
+    raise argparse.ArgumentTypeError(f"found {name!r}, expected {', '.join(solver_names())}")
+
+
 def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--solver",
         default="auto",
+        type=_solver,
+        metavar="NAME",
         help=", ".join(solver_names()),
     )
     command.add_argument(
@@ -289,6 +298,9 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
     add_json(command)
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
+
+
+_OUTPUTS = ("json", "certificate", "plot")
 
 
 def add_json(command: argparse.ArgumentParser) -> None:
@@ -314,12 +326,29 @@ def check_outputs(arguments: argparse.Namespace) -> None:
     Parameters
     ----------
     arguments : argparse.Namespace
-        With ``json`` and possibly ``plot``.
+        With ``json`` and possibly ``plot``, ``certificate`` and the input ``file`` or ``record``.
+
+    Raises
+    ------
+    ProblemError
+        If a folder does not exist, or a file is named twice: an output would replace the input or
+        another output.
     """
-    if getattr(arguments, "plot", None):
-        check_picture(arguments.plot)
-    if arguments.json and arguments.json != "-":
-        check_writable(arguments.json, "--json")
+    given = {f"--{name}": getattr(arguments, name, None) for name in _OUTPUTS}
+    outputs = {option: path for option, path in given.items() if path is not None}
+    if outputs.get("--json") == "-":
+        del outputs["--json"]
+    if "--plot" in outputs:
+        check_picture(outputs["--plot"])
+    inputs = (getattr(arguments, name, None) for name in ("file", "record"))
+    taken = {os.path.realpath(path): "the input" for path in inputs if path not in (None, "-")}
+    for option, path in outputs.items():
+        if path == "-":
+            raise ProblemError(f"{option}: found '-', expected a file; only --json is printed")
+        check_writable(path, option)
+        other = taken.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise ProblemError(f"{option}: found {path!r} as {other} too, expected another file")
 
 
 def print_or_write(path: str | None, record: Any, text: str) -> None:
@@ -392,8 +421,6 @@ def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
 def _solve(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
     check_outputs(arguments)
-    if arguments.certificate:
-        check_writable(arguments.certificate, "--certificate")
     if arguments.plot and isinstance(problem, RationalProblem):
         raise ProblemError("--plot: found a problem with ratios, expected a polynomial one")
     options = Options(

@@ -370,3 +370,42 @@ def test_orders_plain_and_with_presolve_side_by_side(
     (row,) = strictly(capsys.readouterr().out)["rows"]
     assert (row["order"], row["effort"], row["status"]) == (2, "plain", "BOUNDED")
     assert main(["orders", file, "--orders", "0"]) == EXIT_INPUT
+
+
+# ---- files that are named twice --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", ["--json", "--certificate"])
+def test_outputs_do_not_replace_the_input(option: str, tmp_path: pathlib.Path, capsys) -> None:
+    path = tmp_path / "problem.txt"
+    path.write_text("min x^2\n")
+    linked = tmp_path / "linked.txt"
+    linked.symlink_to(path)
+    for name in (path, linked, tmp_path / "." / "problem.txt"):
+        assert main(["solve", str(path), option, str(name)]) == 2
+        assert "as the input too, expected another file" in capsys.readouterr().err
+    assert path.read_text() == "min x^2\n"
+
+
+def test_outputs_do_not_replace_each_other(tmp_path: pathlib.Path, capsys) -> None:
+    path, out = tmp_path / "problem.txt", tmp_path / "out.json"
+    path.write_text("min x^2\n")
+    assert main(["solve", str(path), "--json", str(out), "--certificate", str(out)]) == 2
+    assert "as --json too" in capsys.readouterr().err and not out.exists()
+
+
+@pytest.mark.parametrize("option", ["--json", "--certificate", "--plot"])
+@pytest.mark.parametrize("name", ["", "-"])
+def test_outputs_have_names(option: str, name: str, tmp_path: pathlib.Path, capsys) -> None:
+    path = tmp_path / "problem.txt"
+    path.write_text("min x^2\n")
+    expected = 0 if (option, name) == ("--json", "-") else 2
+    assert main(["solve", str(path), option, name]) == expected
+    assert (expected == 0) == (capsys.readouterr().err == "")
+
+
+def test_solvers_of_no_name_are_wrong_input(tmp_path: pathlib.Path, capsys) -> None:
+    path = tmp_path / "problem.txt"
+    path.write_text("min x^2\n")
+    assert main(["solve", str(path), "--solver", "foo"]) == 2
+    assert "found 'foo', expected auto, " in capsys.readouterr().err

@@ -280,3 +280,15 @@ def test_a_study_that_is_not_there_is_wrong_input(
     more = [str(tmp_path / "table.csv")] if command == "export" else []
     assert main(["study", command, str(tmp_path / "no.study"), *more]) == cli.EXIT_INPUT
     assert "no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--json", "--certificate"])
+def test_outputs_do_not_replace_the_record(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text("u,y\n1,0\n0,1\n-1,0\n2,-1\n0,2\n")
+    kept = path.read_bytes()
+    asked = ["identify", str(path), "--na", "0", "--nb", "1", "--nk", "1"]
+    assert main([*asked, "--equation-noise", "1", option, str(path)]) == 2
+    assert "as the input too" in capsys.readouterr().err and path.read_bytes() == kept
