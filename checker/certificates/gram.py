@@ -40,13 +40,11 @@ def eliminated(rows: Rows, last: int | None, pair: Callable[[Fraction], None]) -
 
 
 def add(rows: Rows, i: int, j: int, value: Fraction) -> None:
-    """Add to the entries (i, j) and (j, i); zeros are not kept."""
-    total = rows[i].get(j, Fraction(0)) + value
-    for a, b in {(i, j), (j, i)}:
-        if total:
-            rows[a][b] = total
-        else:
-            rows[a].pop(b, None)
+    """Change an entry and its mirror image by a value; what becomes zero is left out."""
+    changed = value + rows[i].pop(j, Fraction(0))
+    rows[j].pop(i, None)
+    if changed:
+        rows[i][j] = rows[j][i] = changed
 
 
 def semidefinite(matrix: list[list[Fraction]]) -> bool:
