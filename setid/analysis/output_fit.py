@@ -52,6 +52,8 @@ Reals = NDArray[np.float64]
 
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
+_DIGITS = 1e-4  # of the largest reading, times the room of errors
+_EXACT = 1e-12  # of the largest reading: the least radius
 _ROOM = 1e-9  # of the largest error: room for the rounding of errors that a proof solves for
 _CELLS = 0.5  # of the time, for cones of denominators
 _PART = 0.5  # of the tolerance, for them
@@ -162,7 +164,8 @@ def _known(
 ) -> OutputErrors | None:
     """State the least error within that of a fit, and prove that it is attained, if it can be."""
     theta, outputs = fitted
-    radius = float(_norm(data.y - outputs, norm) * (1.0 + _MARGIN))
+    least = _EXACT * float(np.nanmax(np.abs(data.y), initial=0.0))  # where a fit is exact
+    radius = max(float(_norm(data.y - outputs, norm) * (1.0 + _MARGIN)), least)
     if not 0.0 < radius < inf:
         return None
     formulation, level = stated(data, model, priors, radius), refuted.factor
@@ -181,7 +184,10 @@ def _refuted(
 
 
 def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0) -> Reals:
-    """All unknowns of the problem of the least error at a fit; sizes with some room."""
+    """All unknowns of the problem of the least error at a fit; sizes with some room.
+
+    The room is for the rounding of errors, and that of outputs where a fit is exact.
+    """
     formulation, norm = known.formulation, known.norm
     numbers = formulation.layout.group("eta")
     errors = (formulation.data.y - outputs)[numbers >= 0]
@@ -191,7 +197,8 @@ def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0
     if norm == "l2":
         return x
     sizes = np.abs(errors) if norm == "l1" else np.abs(errors).max(keepdims=True)
-    return np.concatenate([x, sizes + room * float(np.abs(errors).max())])
+    more = float(np.abs(errors).max()) + _DIGITS * float(np.nanmax(np.abs(formulation.data.y)))
+    return np.concatenate([x, sizes + room * more])
 
 
 def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint | None:

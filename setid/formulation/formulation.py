@@ -26,7 +26,7 @@ from setid.formulation.regression import Regression, check_channels
 from setid.formulation.rounding import rounded_coefficients
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
-from setid.models.equations import Equation, Initial, Structure
+from setid.models.equations import Equation, Initial, Structure, channel_of
 from setid.models.lti import TransferFunction
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
@@ -390,6 +390,8 @@ def without_partial_outputs(formulation: Formulation, from_rest: bool = False) -
         return formulation
     if not np.any(np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])):
         return formulation
+    if all(channel_of(equation.defines) is not None for equation in formulation._equations):
+        return formulation  # there are none
     if from_rest and model.offset and model.initial == "zero":
         return formulation
     # an offset is on the outputs themselves; its first samples tell nothing then

@@ -167,8 +167,9 @@ FIELDS: tuple[Field, ...] = (
         "Raised silently to omega_max, the least legal order; a fraction is kept.",
         "The same. With `tighten = 0`, a fraction gives matrices of the whole order below it and "
         "multipliers of equations up to the degree floor(2 (order - ceil(deg / 2))); with "
-        "`tighten = 1` the next whole order is used. A higher order proves no less, as long as its "
-        "blocks fit the memory limit; what does not fit is left out, and a note says so.",
+        "`tighten = 1` the next whole order is used. In exact arithmetic a higher order proves no "
+        "less; rounding can take more from its proof. Blocks that do not fit the memory limit are "
+        "left out, and a note says so.",
         "test_switches.py::test_a_fraction_is_kept_and_lies_between_orders",
     ),
     Field(

@@ -17,6 +17,7 @@ from identification_cases import (
 import setid
 import sparsepop_py as sp
 from setid.bounding import engine, linear, methods, simulations
+from setid.formulation.formulation import without_partial_outputs
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 3)
@@ -509,3 +510,16 @@ def test_ends_of_products_of_denominators_with_an_offset_are_not_attained_from_r
         assert ("notes say why" in found.summary()) != attained
         again = setid.Identification.from_json(found.to_json())
         assert again.to_json() == found.to_json()
+
+
+def test_unknowns_of_priors_are_no_partial_outputs() -> None:
+    """One denominator is not multiplied out, whatever a prior on its poles adds."""
+    rng = np.random.default_rng(4)
+    model, noise = setid.TransferFunction(3, 1, 1), setid.Noise(output=0.15)
+    u = rng.uniform(-1, 1, 12)
+    data = setid.simulate_record(model, [-1.2, 0.6, -0.15, 1.0], u, noise, rng).data
+    known = setid.formulate(data, model, noise, [setid.Stable(), setid.PoleIn(0.3, 0.9)])
+    assert without_partial_outputs(known) is known
+    two = setid.TransferFunction(1, 1, 1, inputs=2)
+    apart = setid.formulate(setid.IOData(rng.uniform(-1, 1, (12, 2)), u), two, noise)
+    assert without_partial_outputs(apart) is not apart

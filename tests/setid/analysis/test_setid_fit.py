@@ -281,3 +281,15 @@ def test_fits_from_rest_close(norm: Norm) -> None:
     assert found.lower_bound > free.error
     if norm == "linf":
         assert found.lower_bound >= 0.299 and found.error <= 0.3 * (1 + 1e-8)
+
+
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+@pytest.mark.parametrize("initial", ["free", "zero"])
+def test_exact_records_are_fitted_exactly(norm: Norm, initial: str) -> None:
+    u, y = np.random.default_rng(5).choice([-1.0, 1.0, 2.0], 24), np.zeros(24)
+    for k in range(1, 24):
+        y[k] = 0.5 * y[k - 1] + u[k - 1]
+    model = setid.TransferFunction(1, 1, 1, initial=initial)
+    found = setid.fit(setid.IOData(u, y), model, norm, options=QUICK)
+    assert found.attained and found.error < 1e-10 and found.verify()
+    assert abs(found.parameters["a1"] + 0.5) < 1e-9
