@@ -418,8 +418,13 @@ def _registered(arguments: argparse.Namespace, data: IOData) -> Structure:
         raise ModelError("--order: found none, expected one with --structure")
     family = family_of(arguments.structure)
     assert family is not None
-    degree = 1 if arguments.degree is None else arguments.degree
-    return family(arguments.order, degree, data.inputs, data.outputs)
+    channels = data.inputs, data.outputs
+    if arguments.degree is None:
+        return family(arguments.order, 1, *channels)
+    found, other = (family(arguments.order, arguments.degree + k, *channels) for k in (0, 1))
+    if found == other:
+        raise ModelError(f"--degree: found it, but {arguments.structure} has no degree")
+    return found
 
 
 def _delta(given: str | None) -> float | Literal["estimate"]:

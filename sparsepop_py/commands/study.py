@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from sparsepop_py.commands.parsers import add_command
-from sparsepop_py.errors import FormatError
+from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.study.store import Store
 from sparsepop_py.study.study import BaseStudy, status_of, table_of
 
@@ -52,6 +52,8 @@ def _inner(commands: Any, name: str, text: str, run: Any) -> argparse.ArgumentPa
 
 def _run(arguments: argparse.Namespace) -> int:
     """Return 0 if every task has a result, else 1."""
+    if arguments.workers is not None and arguments.workers < 1:
+        raise ProblemError(f"--workers: found {arguments.workers}, expected an integer >= 1")
     new = arguments.prepare is not None and arguments.files
     if not new:
         _expect(arguments.study, arguments.study_type)

@@ -292,3 +292,15 @@ def test_outputs_do_not_replace_the_record(
     asked = ["identify", str(path), "--na", "0", "--nb", "1", "--nk", "1"]
     assert main([*asked, "--equation-noise", "1", option, str(path)]) == 2
     assert "as the input too" in capsys.readouterr().err and path.read_bytes() == kept
+
+
+def test_degrees_are_of_structures_that_have_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text("u,y\n1,0\n0,1\n-1,0\n2,-1\n0,2\n1,1\n")
+    asked = ["identify", str(path), "--order", "1", "--equation-noise", "5", "--degree", "2"]
+    assert main([*asked, "--structure", "TransferFunction"]) == 2
+    assert "TransferFunction has no degree" in capsys.readouterr().err
+    main([*asked, "--structure", "PolynomialNARX"])
+    assert "has no degree" not in capsys.readouterr().err
