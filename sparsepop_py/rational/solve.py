@@ -122,6 +122,8 @@ class _RationalSearch:
         found: list[RationalResult] = []
         if self.problem.has_level and start is not None:
             found.append(self.by_levels(start))
+            if found[-1].lower_bound == -np.inf and not self.done(found):
+                found.append(self.by_lower_levels(found[-1]))
         if not self.done(found):
             found.append(self.by_reciprocals(found[-1].x if found else start))
         x = found[-1].x
@@ -202,6 +204,26 @@ class _RationalSearch:
                 break
             level = after
         assert best is not None
+        return best
+
+    def by_lower_levels(self, found: RationalResult) -> RationalResult:
+        """Look for a level below one at which the polynomial has no bound.
+
+        So it is where a ratio comes near its infimum far away: the leading terms of p - c q change
+        their sign there.
+        """
+        assert found.certificate.level is not None
+        without, step, proved, best = found.certificate.level, 1.0, -np.inf, found
+        for _ in range(_LEVELS):
+            level = without - step if proved == -np.inf else 0.5 * (proved + without)
+            one = self.bounded(level, found.x)
+            if one.lower_bound > -np.inf:
+                proved = level
+                best = max(best, one, key=lambda result: result.lower_bound)
+            else:
+                without, step = level, 8.0 * step
+            if self.over or best.status in (Status.OPTIMAL, Status.INFEASIBLE):
+                break
         return best
 
     def bounded(self, level: float | None, start: NDArray[np.float64] | None) -> RationalResult:

@@ -224,3 +224,20 @@ def test_cpu_seconds_that_solvers_spend_elsewhere_count():
     solve_rational(problem, sp.Options(cpu_limit=100.0), None, solved)
     assert len(asked) > 1
     assert all(later <= earlier - 3.0 for earlier, later in zip(asked, asked[1:], strict=False))
+
+
+@pytest.mark.parametrize(
+    "objective",
+    [
+        lambda x, y: sp.ratio(-(x**2), x**2 + 1),
+        lambda x, y: sp.ratio(-(x**2) - y**2, x**2 + 2 * y**2 + 1),
+        lambda x, y: 3 - sp.ratio(x**2, x**2 + y**2 + 1),
+    ],
+)
+def test_infima_that_are_reached_far_away_are_bounded(objective):
+    """Along x the ratio falls to -1 and never reaches it: levels above it have no bound."""
+    ratio = objective(*sp.variables(2))
+    found = sp.solve(sp.RationalProblem(ratio), sp.Options(time_limit=30))
+    infimum = -1.0 if ratio.whole.constant_term == 0 else 2.0
+    assert infimum - 0.1 <= found.lower_bound <= infimum
+    assert found.certificate.verify(found.problem).ok
