@@ -94,7 +94,7 @@ def _count(items: Sequence[Term], signals: Mapping[str, Reals], computed: bool) 
     for item, factors in zip(items, _factors(items, signals), strict=True):
         value = np.array([item.coefficient])
         with np.errstate(all="ignore"):
-            product = np.prod(np.broadcast_arrays(1.0, *factors), axis=0)
+            product = np.atleast_1d(np.prod(np.broadcast_arrays(1.0, *factors), axis=0))
         if _bits(item.coefficient) > 1:
             rounded = rounded | is_rounded_product([product, np.broadcast_to(value, product.shape)])
         if computed and _bits(item.coefficient) > _BITS:

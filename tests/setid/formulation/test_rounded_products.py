@@ -122,3 +122,16 @@ def test_linear_structures_round_nothing() -> None:
     for model in (setid.TransferFunction(2, 2, 1), setid.TransferFunction(1, 1, offset=True)):
         known = setid.formulate(data, model, setid.Noise(equation=1.0))
         assert not any("rounded" in text for text in known.assumptions)
+
+
+def test_powers_of_the_sampling_time_are_numbers_that_are_computed() -> None:
+    """Readings of 0 and 1 leave no sum to round; (Ts / 2)^2 itself is no double at Ts = 0.1."""
+    data = setid.IOData([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1.0], Ts=0.1)
+    known = setid.formulate(data, setid.ContinuousTransferFunction(2, 0), setid.Noise(equation=1.0))
+    assert any("coefficients of rows are rounded" in text for text in known.assumptions)
+    exact = setid.formulate(
+        setid.IOData(data.u, data.y, Ts=0.5),
+        setid.ContinuousTransferFunction(2, 0),
+        setid.Noise(equation=1.0),
+    )
+    assert not any("rounded" in text for text in exact.assumptions)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import linprog, minimize_scalar
 from scipy.signal import lfilter
 
 import setid
@@ -90,12 +90,26 @@ def test_columns_that_depend_on_each_other_are_fitted_as_well() -> None:
     assert 9.0 * theta[1] + theta[2] == pytest.approx(1.5, abs=0.2)
 
 
-def test_missing_readings_and_beginnings_at_zero_are_left_to_simulations() -> None:
+def test_missing_readings_are_left_to_simulations() -> None:
     u, y = np.random.default_rng(4).uniform(-1.0, 1.0, (2, 20))
-    gone = y.copy()
-    gone[7] = np.nan
-    for data, initial in ((setid.IOData(u, gone), "free"), (setid.IOData(u, y), "zero")):
-        model = setid.TransferFunction(1, 1, 1, initial=initial)
-        rows = error_rows(stated(data, model, (), 1.0), "linf", 1.0)
-        assert rows is not None
-        assert fit_of_denominator(data, model, rows, np.array([-0.5])) is None
+    y[7] = np.nan
+    model = setid.TransferFunction(1, 1, 1)
+    rows = error_rows(stated(setid.IOData(u, y), model, (), 1.0), "linf", 1.0)
+    assert rows is not None
+    assert fit_of_denominator(setid.IOData(u, y), model, rows, np.array([-0.5])) is None
+
+
+@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+def test_fits_from_rest_are_those_of_one_gain(norm: Norm) -> None:
+    """With a pole at 1/2, y = b x for the response x from rest: one unknown, by SciPy."""
+    u, y = np.random.default_rng(4).uniform(-1.0, 1.0, (2, 20))
+    data, model = setid.IOData(u, y), setid.TransferFunction(1, 1, 1, initial="zero")
+    x = lfilter([0.0, 1.0], [1.0, -0.5], u)
+    rows = error_rows(stated(data, model, (), 1.0), norm, 1.0)
+    assert rows is not None
+    fitted = fit_of_denominator(data, model, rows, np.array([-0.5]))
+    assert fitted is not None
+    (theta, outputs), order = fitted, {"linf": np.inf, "l2": 2, "l1": 1}[norm]
+    least = minimize_scalar(lambda b: np.linalg.norm(y - b * x, order), (-1.0, 1.0), tol=1e-12)
+    assert theta[0] == -0.5 and abs(theta[1] - least.x) < 1e-5
+    assert np.abs(outputs[:, 0] - theta[1] * x).max() < 1e-9
