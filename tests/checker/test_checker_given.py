@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import random
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import setid
+from checker.arithmetic.polynomial import INF
 from checker.command import main
+from checker.records import driven
 from checker.records.record import Identification
-from checker.records.stability import in_disc
+from checker.records.stability import in_disc, minus, times
 from checker.result import NotProved
 from setid.result.json_ import certificate_text
 
@@ -160,6 +164,26 @@ def test_zeros_in_the_disc_are_found_as_numpy_finds_them() -> None:
     assert not in_disc([(Fraction(-1), Fraction(9, 8))])
     around = (Fraction(-1, 2), Fraction(1, 4))
     assert not in_disc([(Fraction(1), Fraction(1)), around])  # at -1/2 a zero is beyond -1
+
+
+def test_stability_of_rows_with_driving_offsets_is_said(monkeypatch) -> None:
+    for name in ("check_structures", "check_question"):
+        monkeypatch.setattr(driven, name, lambda *_: None)
+    inner = SimpleNamespace(check=lambda: None, taken=["rows"], stable={1}, empty=True)
+    structure = SimpleNamespace(outputs=range(0))
+    about = SimpleNamespace(structure=structure, taken=[], stable=set(), names=["a"])
+    assert driven.bounded_by(inner, about, [[0], [1]]) == [[INF], [-INF]]
+    assert about.stable == {1} and about.taken == ["rows"]
+
+
+def test_intervals_hold_all_differences_and_products() -> None:
+    chance = random.Random(3)
+    for _ in range(50):
+        one, two = (tuple(sorted(Fraction(chance.randint(-9, 9), 4) for _ in "ab")) for _ in "ab")
+        for a in one:
+            for b in two:
+                for ends, value in ((minus(one, two), a - b), (times(one, two), a * b)):
+                    assert ends[0] <= value <= ends[1]
 
 
 # ---- names, ranges, noise --------------------------------------------------------------------
