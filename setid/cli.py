@@ -419,10 +419,9 @@ def _registered(arguments: argparse.Namespace, data: IOData) -> Structure:
     family = family_of(arguments.structure)
     assert family is not None
     channels = data.inputs, data.outputs
-    if arguments.degree is None:
-        return family(arguments.order, 1, *channels)
-    found, other = (family(arguments.order, arguments.degree + k, *channels) for k in (0, 1))
-    if found == other:
+    degree = 1 if arguments.degree is None else arguments.degree
+    found = family(arguments.order, degree, *channels)
+    if degree != 1 and found == family(arguments.order, 1, *channels):
         raise ModelError(f"--degree: found it, but {arguments.structure} has no degree")
     return found
 

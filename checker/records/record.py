@@ -105,7 +105,6 @@ class Identification:
             raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
-            self.whole = True
             self._check_noise()
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there

@@ -72,7 +72,7 @@ def rounded_coefficients(
     if sums:
         found.append(
             f"{sums} coefficients of rows are rounded to doubles, by about 1e-16 of the sizes that "
-            "are added in each: equation errors are bounded for the rounded rows"
+            "are added in each: what is proved is about the rounded rows"
         )
     return tuple(found)
 

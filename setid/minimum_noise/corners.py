@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.claims import FoundDenominators, claimed
 from setid.minimum_noise.cones.edges import edge_weights, monic
-from setid.minimum_noise.programs import Programs, programs_of, shifted
+from setid.minimum_noise.programs import Programs, grows, programs_for_growth, shifted
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
@@ -32,7 +32,6 @@ __all__ = ["by_corners"]
 
 Reals = NDArray[np.float64]
 _MEMORY = 2.0**28  # bytes of multipliers
-_GROWTH = 1e3  # of a mode over the record
 
 
 class _Corner(NamedTuple):
@@ -69,9 +68,7 @@ class _Search:
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
         self._rows, self._programs, self._output = rows, programs, output
-        begun = rows.begun
-        same = np.array_equal(begun, rows.row)
-        self._begun = programs if same else programs_of(rows._replace(row=begun)) or programs
+        self._growing = programs_for_growth(rows, programs)
         self._tol, self._deadline = tol, deadline
         self._multipliers: list[Reals] = []
         self._corners: dict[tuple[int, ...], _Corner | None] = {}
@@ -134,7 +131,8 @@ class _Search:
         power = max(int(value).bit_length() for value in whole.tolist()) - 1
         vector = np.ldexp(whole.astype(np.float64), -power)
         size = float(np.linalg.norm(vector))
-        programs = self._begun if self._grows(vector) else self._programs
+        growing = grows(vector, self._rows.y.size)
+        programs = self._growing if growing else self._programs
         solved = programs.solve(vector / size, None)
         if solved is None:
             return None
@@ -150,11 +148,6 @@ class _Search:
         self._multipliers.append(multiplier)
         moment = shifted(multiplier, self._rows.order) @ self._rows.y
         return _Corner(len(self._multipliers) - 1, power, vector, moment)
-
-    def _grows(self, a: Reals) -> bool:
-        """Check that a mode grows much over the record."""
-        largest = np.abs(np.roots(a)).max(initial=0.0)
-        return bool(a[0] == 0.0 or largest > _GROWTH ** (1.0 / self._rows.y.size))
 
     def _bound(self, corners: list[_Corner]) -> tuple[float, tuple[int, int]]:
         """The error that a family refutes, and the pair of vectors that says least."""

@@ -22,7 +22,7 @@ from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
-from setid.minimum_noise.programs import Programs, programs_of, shifted
+from setid.minimum_noise.programs import Programs, grows, programs_for_growth, programs_of, shifted
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
@@ -106,6 +106,7 @@ class _Search:
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
         self._rows, self._programs, self._output = rows, programs, output
+        self._growing = programs_for_growth(rows, programs)
         self._tol, self._deadline = tol, deadline
         self._multipliers: list[Reals] = []
         self._moments: list[Reals] = []
@@ -185,14 +186,18 @@ class _Search:
         """Add the multiplier of one denominator in a cone."""
         a = (mixture / node.sizes) @ node.cone.astype(np.float64)
         largest = float(np.abs(a).max())
-        solved = None
-        if np.isfinite(largest) and largest > 0.0:
-            a = a / largest
-            solved = self._programs.solve(a, node.reference)
+        if not (np.isfinite(largest) and largest > 0.0):
+            return None
+        a = a / largest
+        growing = grows(a, self._rows.y.size)
+        programs = self._growing if growing else self._programs
+        own = programs is self._programs
+        solved = programs.solve(a, node.reference if own else None)
         if solved is None:
             return None
         level, multiplier, reference = solved
-        self._note(a, level)
+        if own:
+            self._note(a, level)
         noise = self._noises(multiplier, a[None])[0]
         if not (np.isfinite(noise) and noise > 0.0):
             return None
@@ -207,7 +212,7 @@ class _Search:
             used=[*node.used, number],
             values=np.vstack([node.values, values]),
             noises=np.vstack([node.noises, sizes]),
-            reference=reference,
+            reference=reference if own else node.reference,
             sizes=np.maximum(sizes, 1e-300) if first else node.sizes,
             centre=number if first else node.centre,
         )

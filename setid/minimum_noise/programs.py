@@ -12,12 +12,20 @@ from setid.minimum_noise.exchanges import Approximation, approximated
 from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 
-__all__ = ["Programs", "longest_stretches", "programs_of", "shifted"]
+__all__ = [
+    "Programs",
+    "grows",
+    "longest_stretches",
+    "programs_for_growth",
+    "programs_of",
+    "shifted",
+]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _STRETCHES = 20  # each has n states of its own
 _FLOOR = 1e-9  # of the largest noise bound: bounds of 0 are replaced by it
+_GROWTH = 1e3  # of a mode over the record
 _DEPENDENT = 1e-10  # of the largest column: what others leave of one that depends on them
 
 
@@ -256,6 +264,41 @@ def programs_of(rows: OutputRows) -> Programs | None:
     if section.size <= rows.order + rows.known.shape[1] + 1 or not np.any(rows.bound > 0):
         return None
     return Programs(rows, section)
+
+
+def programs_for_growth(rows: OutputRows, programs: Programs) -> Programs:
+    """State the programs of denominators with a growing mode: without the first rows at rest.
+
+    What such a mode does depends on the first samples, so that the least noise is not continuous
+    in the denominator.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    programs : Programs
+        Of these rows; returned where none of them rests on zeros before a record.
+    """
+    begun = rows.begun
+    if np.array_equal(begun, rows.row):
+        return programs
+    return programs_of(rows._replace(row=begun)) or programs
+
+
+def grows(a: Reals, samples: int) -> bool:
+    """Check that a mode of a denominator (n + 1,) grows much over a record.
+
+    Parameters
+    ----------
+    a : (n + 1,) float
+    samples : int
+
+    Examples
+    --------
+    >>> grows(np.array([1.0, -1.1]), 100), grows(np.array([1.0, -1.001]), 100)
+    (True, False)
+    """
+    largest = np.abs(np.roots(a)).max(initial=0.0)
+    return bool(a[0] == 0.0 or largest > _GROWTH ** (1.0 / samples))
 
 
 def _adjoint(a: Reals, errors: Reals) -> Reals:

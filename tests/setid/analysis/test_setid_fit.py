@@ -293,3 +293,13 @@ def test_exact_records_are_fitted_exactly(norm: Norm, initial: str) -> None:
     found = setid.fit(setid.IOData(u, y), model, norm, options=QUICK)
     assert found.attained and found.error < 1e-10 and found.verify()
     assert abs(found.parameters["a1"] + 0.5) < 1e-9
+
+
+def test_a_measured_record_from_rest_closes_without_priors() -> None:
+    """The hair dryer from its first sample on: poles near 1, and growing modes beside them."""
+    shifted = setid.IOData(HAIRDRYER.u - HAIRDRYER.u[0], HAIRDRYER.y - HAIRDRYER.y[0], Ts=0.08)
+    model = setid.TransferFunction(2, 2, 3, initial="zero")
+    found = setid.fit(shifted, model, "l2", options=setid.Options(time_limit=60, progress=False))
+    assert found.attained and found.gap < 1e-3 and found.verify()
+    poles = np.roots([1.0, found.parameters["a1"], found.parameters["a2"]])
+    assert np.abs(poles).max() < 1.0

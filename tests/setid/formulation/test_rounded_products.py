@@ -135,3 +135,15 @@ def test_powers_of_the_sampling_time_are_numbers_that_are_computed() -> None:
         setid.Noise(equation=1.0),
     )
     assert not any("rounded" in text for text in exact.assumptions)
+
+
+def test_products_of_fixed_coefficients_are_numbers_that_are_computed() -> None:
+    """0.3 times 0.7 is no double, though a reading of 1 rounds nothing more."""
+    data = setid.IOData([1.0, 0.0, 1.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0, 1.0, 0.0])
+    for fixed, expected in (
+        ({"gamma1": 0.3, "b1": 0.7}, True),
+        ({"gamma1": 0.5, "b1": 0.25}, False),
+    ):
+        model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, normalise=fixed)
+        known = setid.formulate(data, model, setid.Noise(equation=1.0))
+        assert any("rounded" in text for text in known.assumptions) == expected
