@@ -274,19 +274,21 @@ class _Certificates:
             ],
         }
 
-    def take(self, found: Any, place: str) -> Certificate:
-        """Read one certificate, whose quotes have been read."""
+    def take(self, listed: list[Any], place: str) -> list[Certificate]:
+        """Read certificates, each after those that it quotes."""
+        for k, entry in enumerate(listed):
+            self.read_already.append(self._certificate(entry, f"{place}[{k}]"))
+        return self.read_already
 
-        def part(name: str, codec: Codec) -> Any:
-            return codec.read(codecs.field_of(found, name, place), f"{place}.{name}")
-
+    def _certificate(self, found: Any, place: str) -> Certificate:
+        part = codecs.reader_of(found, place)
         parts = codecs.field_of(found, "parts", place)
         if not isinstance(parts, list) or not parts:
             raise codecs.wrong(f"{place}.parts", parts, "a list of parts")
         nodes: dict[int, Node] = {}
         for k in range(len(parts) - 1, -1, -1):
-            nodes[k] = self._node(parts[k], f"{place}.parts[{k}]", k, nodes)
-        certificate = Certificate(
+            nodes[k] = self._node(parts[k], f"{place}.parts[{k}]", nodes)
+        return Certificate(
             part("fingerprint", text),
             part("bound", codecs.bound),
             nodes[0],
@@ -294,13 +296,9 @@ class _Certificates:
             part("correction", number),
             part("assumptions", sequence(text)),
         )
-        self.read_already.append(certificate)
-        return certificate
 
-    def _node(self, found: Any, place: str, own: int, nodes: dict[int, Node]) -> Node:
-        def part(name: str, codec: Codec) -> Any:
-            return codec.read(codecs.field_of(found, name, place), f"{place}.{name}")
-
+    def _node(self, found: Any, place: str, nodes: dict[int, Node]) -> Node:
+        part = codecs.reader_of(found, place)
         children = part("children", sequence(whole))
         if any(child not in nodes for child in children) or len(set(children)) < len(children):
             expected = "numbers of later parts, each once in a tree"
@@ -342,10 +340,7 @@ def _write_certificate(certificate: Certificate) -> list[Any]:
 def _read_certificate(found: Any, place: str) -> Certificate:
     if not isinstance(found, list) or not found:
         raise codecs.wrong(place, found, "a list of certificates")
-    table = _Certificates()
-    for k, entry in enumerate(found):
-        table.take(entry, f"{place}[{k}]")
-    return table.read_already[-1]
+    return _Certificates().take(found, place)[-1]
 
 
 CERTIFICATE = Codec(_write_certificate, _read_certificate)
@@ -366,13 +361,11 @@ def _read_certificates(found: Any, place: str) -> tuple[Certificate | None, ...]
     numbers = sequence(optional(whole)).read(codecs.field_of(found, "numbers", place), place)
     if not isinstance(listed, list):
         raise codecs.wrong(place, listed, "a list of certificates")
-    table = _Certificates()
-    for k, entry in enumerate(listed):
-        table.take(entry, f"{place}[{k}]")
+    read = _Certificates().take(listed, place)
     for number_ in numbers:
-        if number_ is not None and not 0 <= number_ < len(table.read_already):
-            raise codecs.wrong(place, number_, f"a number below {len(table.read_already)}")
-    return tuple(None if n is None else table.read_already[n] for n in numbers)
+        if number_ is not None and not 0 <= number_ < len(read):
+            raise codecs.wrong(place, number_, f"a number below {len(read)}")
+    return tuple(None if n is None else read[n] for n in numbers)
 
 
 CERTIFICATES = Codec(_write_certificates, _read_certificates)

@@ -34,6 +34,7 @@ __all__ = [
     "optional",
     "parsed",
     "rational",
+    "reader_of",
     "record",
     "sequence",
     "tagged",
@@ -91,11 +92,15 @@ def wrong(place: str, found: Any, expected: str) -> ProblemError:
 
 def field_of(found: Any, name: str, place: str) -> Any:
     """Return a field of a JSON object."""
-    if not isinstance(found, dict):
-        raise wrong(place, found, "an object")
-    if name not in found:
+    fields = fields_of(found, place)
+    if name not in fields:
         raise ProblemError(f"{place}.{name}: found nothing, expected a value")
-    return found[name]
+    return fields[name]
+
+
+def reader_of(found: Any, place: str) -> Callable[[str, Codec], Any]:
+    """Make a function that reads a field of a JSON object by a codec."""
+    return lambda name, codec: codec.read(field_of(found, name, place), f"{place}.{name}")
 
 
 def fields_of(found: Any, place: str) -> dict[str, Any]:
@@ -284,9 +289,8 @@ def mapping(codec: Codec) -> Codec:
     """Build the codec of a dict with names as keys."""
 
     def read(found: Any, place: str) -> dict[str, Any]:
-        if not isinstance(found, dict):
-            raise wrong(place, found, "an object")
-        return {key: codec.read(value, f"{place}.{key}") for key, value in found.items()}
+        fields = fields_of(found, place)
+        return {key: codec.read(value, f"{place}.{key}") for key, value in fields.items()}
 
     return Codec(lambda values: {k: codec.write(v) for k, v in values.items()}, read)
 
@@ -298,11 +302,8 @@ def record(make: Callable[..., Any], /, **fields: Codec) -> Codec:
         return {name: codec.write(getattr(value, name)) for name, codec in fields.items()}
 
     def read(found: Any, place: str) -> Any:
-        parts = {
-            name: codec.read(field_of(found, name, place), f"{place}.{name}")
-            for name, codec in fields.items()
-        }
-        return make(**parts)
+        part = reader_of(found, place)
+        return make(**{name: part(name, codec) for name, codec in fields.items()})
 
     return Codec(write, read)
 

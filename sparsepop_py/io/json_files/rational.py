@@ -66,9 +66,7 @@ def _write_problem(problem: RationalProblem) -> Any:
 
 
 def _read_problem(found: Any, place: str) -> RationalProblem:
-    def part(name: str, codec: Codec) -> Any:
-        return codec.read(codecs.field_of(found, name, place), f"{place}.{name}")
-
+    part = codecs.reader_of(found, place)
     rows = [*part("constraints", sequence(CONSTRAINT))]
     rows += part("rational_constraints", sequence(RATIONAL_CONSTRAINT))
     bounds = part("lower", array_of("F", 1)), part("upper", array_of("F", 1))
