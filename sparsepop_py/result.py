@@ -132,8 +132,39 @@ class HistoryEntry:
     nodes: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
+class Summarised:
+    """Common part of results with and without ratios: how they are shown."""
+
+    status: Status
+    lower_bound: float
+    upper_bound: float
+
+    def summary(self) -> str:
+        """Describe the result in a few lines of text."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        low = rounded(self.lower_bound, False)
+        high = rounded(self.upper_bound, True)
+        return f"<{type(self).__name__} {self.status}: {low} <= minimum <= {high}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.summary())}</pre>"
+
+
+def gap_of(result: Summarised) -> float:
+    """Compute the gap: inf when a bound is missing, 0 if infeasible."""
+    if result.status is Status.INFEASIBLE:
+        return 0.0
+    gap = result.upper_bound - result.lower_bound
+    return max(0.0, gap) if np.isfinite(gap) else np.inf
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(Summarised):
     """Result of :func:`sparsepop_py.solve`.
 
     Parameters
@@ -208,10 +239,7 @@ class Result:
     @property
     def gap(self) -> float:
         """``upper_bound - lower_bound``; inf when one of them is missing, 0 if infeasible."""
-        if self.status is Status.INFEASIBLE:
-            return 0.0
-        gap = self.upper_bound - self.lower_bound
-        return max(0.0, gap) if np.isfinite(gap) else np.inf
+        return gap_of(self)
 
     @property
     def message(self) -> str:
@@ -298,17 +326,6 @@ class Result:
         from sparsepop_py.plots import plot_history
 
         return plot_history(self, ax)
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def __repr__(self) -> str:
-        low = rounded(self.lower_bound, False)
-        high = rounded(self.upper_bound, True)
-        return f"<Result {self.status}: {low} <= minimum <= {high}>"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"
 
     def plot(self, ax: Any = None) -> Axes:
         """Plot contours, feasible set and points in two dimensions, else the block pattern.

@@ -265,13 +265,7 @@ class Problem:
         return "v2:" + hashlib.sha256(encoding(self)).hexdigest()
 
     def __str__(self) -> str:
-        lines = [f"min {self.objective}"]
-        lines += [f"  s.t. {constraint}" for constraint in self.constraints]
-        for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
-            if np.isfinite(low) or np.isfinite(high):
-                lines.append(f"  {low:g} <= {name} <= {high:g}")
-        lines += [f"  {record}" for record in self.rounding]
-        return "\n".join(lines)
+        return written(self)
 
     def __repr__(self) -> str:
         equalities, matrices = int(self.equality.sum()), self.matrices.constraints.size
@@ -287,6 +281,17 @@ class Problem:
 _OF_THE_SET = frozenset(
     ("constraints", "lower", "upper", "names", "rows", "matrices", "equality", "bound_rows")
 )
+
+
+def written(problem: Any) -> str:
+    """Write a problem, with or without ratios, for people."""
+    lines = [f"min {problem.objective}"]
+    lines += [f"  s.t. {constraint}" for constraint in problem.constraints]
+    for name, low, high in zip(problem.names, problem.lower, problem.upper, strict=True):
+        if np.isfinite(low) or np.isfinite(high):
+            lines.append(f"  {low:g} <= {name} <= {high:g}")
+    lines += [f"  {record}" for record in problem.rounding]
+    return "\n".join(lines)
 
 
 def encoding(problem: Problem) -> bytes:

@@ -27,7 +27,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConstraint, key_of
 from sparsepop_py.algebra.sympy_ import convert_ratios
 from sparsepop_py.errors import ProblemError, entries_of
-from sparsepop_py.problem.problem import Problem, Sense, encoding
+from sparsepop_py.problem.problem import Problem, Sense, encoding, written
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
     Rounding,
@@ -369,13 +369,7 @@ class RationalProblem:
         return "r1:" + digest.hexdigest()
 
     def __str__(self) -> str:
-        lines = [f"min {self.objective}"]
-        lines += [f"  s.t. {constraint}" for constraint in self.constraints]
-        for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
-            if np.isfinite(low) or np.isfinite(high):
-                lines.append(f"  {low:g} <= {name} <= {high:g}")
-        lines += [f"  {record}" for record in self.rounding]
-        return "\n".join(lines)
+        return written(self)
 
     def __repr__(self) -> str:
         return (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
-from sparsepop_py.result import HistoryEntry, Result, Status, claims_of
+from sparsepop_py.result import HistoryEntry, Result, Status, Summarised, claims_of, gap_of
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
@@ -56,8 +55,8 @@ def attained_value(
     return float(Interval.of_fraction(constant + Fraction(level) + part).hi)
 
 
-@dataclass(frozen=True, eq=False)
-class RationalResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class RationalResult(Summarised):
     """Result of :func:`sparsepop_py.solve` for a problem with ratios.
 
     Parameters
@@ -104,10 +103,7 @@ class RationalResult:
     @property
     def gap(self) -> float:
         """``upper_bound - lower_bound``; inf when one of them is missing, 0 if infeasible."""
-        if self.status is Status.INFEASIBLE:
-            return 0.0
-        gap = self.upper_bound - self.lower_bound
-        return max(0.0, gap) if np.isfinite(gap) else np.inf
+        return gap_of(self)
 
     @property
     def message(self) -> str:
@@ -146,14 +142,3 @@ class RationalResult:
             side = f"<= {end}" if up else f">= {end}"
             lines.append(f"denominator   {str(q)[:60]} {side}  proved")
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def __repr__(self) -> str:
-        low = rounded(self.lower_bound, False)
-        high = rounded(self.upper_bound, True)
-        return f"<RationalResult {self.status}: {low} <= minimum <= {high}>"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"

@@ -1,9 +1,9 @@
-"""Integer variables as polynomial data: binaries by an equation, others as sums of bits."""
+"""Rows with two ends, and integer variables: binaries by an equation, others as bits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +12,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, Sense
 
-__all__ = ["problem_with_integers"]
+__all__ = ["between", "problem_with_integers"]
 
 _MOST_BITS = 30  # an integer variable may take at most 2^30 values
 
@@ -78,6 +78,17 @@ def problem_with_integers(
         labels,
         sense=sense,
     )
+
+
+def between(body: Polynomial, low: float, high: float, name: str) -> Iterator[Constraint]:
+    """Make the constraints of a row with two ends; -inf and inf for none."""
+    if low == high:
+        yield Constraint(body - low, Kind.ZERO, name)
+        return
+    if low > -math.inf:
+        yield Constraint(body - low, Kind.NONNEGATIVE, name)
+    if high < math.inf:
+        yield Constraint(high - body, Kind.NONNEGATIVE, name)
 
 
 def _bits(name: str, low: float, high: float) -> int:

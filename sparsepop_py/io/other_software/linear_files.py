@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 import scipy.sparse as sps
 
-from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
-from sparsepop_py.io.other_software.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.lp.files import ReadModel, read_model
 from sparsepop_py.problem.problem import Problem
@@ -93,12 +93,6 @@ def _rows(model: ReadModel) -> Iterator[Constraint]:
     n, matrix = len(model.names), sps.csr_array(model.matrix)
     for k, name in enumerate(model.row_names):
         part = slice(matrix.indptr[k], matrix.indptr[k + 1])
-        letters = np.append(matrix.indices[part] + 1, 0).astype(np.int32)[:, None]
+        letters = (matrix.indices[part] + 1).astype(np.int32)[:, None]
         values, low, high = matrix.data[part], model.row_lower[k], model.row_upper[k]
-        for sign, end, given in ((1.0, low, np.isfinite(low)), (-1.0, high, np.isfinite(high))):
-            if not given or (sign < 0 and low == high):
-                continue
-            row = Polynomial.from_words(
-                letters, np.append(sign * values, -sign * end), n, model.names
-            )
-            yield Constraint(row, Kind.ZERO if low == high else Kind.NONNEGATIVE, name)
+        yield from between(Polynomial.from_words(letters, values, n, model.names), low, high, name)

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError
 from sparsepop_py.files import read_text
-from sparsepop_py.io.other_software.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_qplib"]
@@ -85,7 +84,8 @@ def read_qplib(path: str | os.PathLike[str]) -> Problem:
     objective, *bodies = terms.polynomials(n, names[0])
     if direction == "maximize":
         objective = -objective
-    rows = list(_rows(bodies, _ends(left, infinity), _ends(right, infinity), names[1]))
+    sides = zip(bodies, _ends(left, infinity), _ends(right, infinity), names[1], strict=True)
+    rows = [row for side in sides for row in between(*side)]
     bounds = (_ends(low, infinity), _ends(high, infinity))
     sense = "max" if direction == "maximize" else "min"
     return problem_with_integers(objective, rows, bounds, names[0], whole, sense)  # type: ignore[arg-type]
@@ -233,16 +233,3 @@ def _names(lines: _Lines, n: int, m: int) -> tuple[list[str], list[str]]:
 
 def _ends(values: list[float], infinity: float) -> list[float]:
     return [math.copysign(math.inf, v) if abs(v) >= infinity else v for v in values]
-
-
-def _rows(
-    bodies: list[Polynomial], low: list[float], high: list[float], names: list[str]
-) -> Iterator[Constraint]:
-    for body, least, most, name in zip(bodies, low, high, names, strict=True):
-        if least == most:
-            yield Constraint(body - least, Kind.ZERO, name)
-            continue
-        if least > -math.inf:
-            yield Constraint(body - least, Kind.NONNEGATIVE, name)
-        if most < math.inf:
-            yield Constraint(most - body, Kind.NONNEGATIVE, name)

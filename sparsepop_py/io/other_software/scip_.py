@@ -23,7 +23,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
 from sparsepop_py.files import as_path
-from sparsepop_py.io.other_software.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_by_scip"]
@@ -145,17 +145,7 @@ def _rows(
             raise FormatError(
                 f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
             )
-        yield from _sided(body, low, high, row.name)
-
-
-def _sided(body: Polynomial, low: float, high: float, name: str) -> Iterator[Constraint]:
-    if low == high:
-        yield Constraint(body - low, Kind.ZERO, name)
-        return
-    if low > -np.inf:
-        yield Constraint(body - low, Kind.NONNEGATIVE, name)
-    if high < np.inf:
-        yield Constraint(high - body, Kind.NONNEGATIVE, name)
+        yield from between(body, low, high, row.name)
 
 
 def _quadratic(
