@@ -24,13 +24,13 @@ from scipy import linalg
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.errors import ProblemError
 from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["candidates", "combine", "extract", "means"]
 
 _RANK = 1e-4  # of the largest eigenvalue: smaller ones count as zero
 _AGREE = 1e-3  # largest difference of candidates that agree, relative to max(1, abs(value))
+_MOST = 16  # partial points that are kept
 _SEED = 20050  # any fixed number: extraction is deterministic
 Points = list[NDArray[np.float64]]
 
@@ -235,16 +235,13 @@ def extract(matrices: NDArray[np.float64], words: Words) -> list[Points]:
 
 
 def combine(
-    points_per_clique: Sequence[Points],
-    members_list: Sequence[Sequence[int]],
-    dimension: int,
-    limit: int = 16,
+    points_per_clique: Sequence[Points], members_list: Sequence[Sequence[int]], dimension: int
 ) -> Points:
     """Join the candidates of cliques to points of all variables.
 
     Cliques are added in the given order. A candidate continues each partial point that it
     agrees with on the variables already set; where none agrees, the nearest one is taken
-    and the shared variables become averages. This is greedy and at most ``limit`` partial
+    and the shared variables become averages. This is greedy, and at most 16 partial
     points are kept.
 
     Parameters
@@ -255,18 +252,11 @@ def combine(
         The variables of each clique, from 0.
     dimension : int
         Number of variables n.
-    limit : int
-        Largest number of points, at least 1.
 
     Returns
     -------
     list of (n,) float
         At least one point; variables that no clique knows are 0.
-
-    Raises
-    ------
-    ProblemError
-        If ``limit`` is below 1.
 
     Examples
     --------
@@ -275,8 +265,6 @@ def combine(
     >>> [point.tolist() for point in combine([first, second], [(0, 1), (1, 2)], 3)]
     [[1.0, 2.0, 3.0], [5.0, 6.0, 7.0]]
     """
-    if limit < 1:
-        raise ProblemError(f"limit: found {limit}, expected at least 1")
     rng = np.random.default_rng(_SEED)
     partial = np.full((1, dimension), np.nan)
     count = np.zeros(dimension)
@@ -286,7 +274,7 @@ def combine(
         columns = np.asarray(members, np.int64)
         candidates = np.array(points, float)
         known = partial[:, columns]
-        rows, picks = _pairs(_agreement(known, candidates), limit, rng)
+        rows, picks = _pairs(_agreement(known, candidates), rng)
         if rows.size > partial.shape[0]:  # each partial point is continued at least once
             partial, known = partial[rows], known[rows]
         new = candidates[picks]
@@ -375,22 +363,22 @@ def _agreement(known: NDArray[Any], candidates: NDArray[Any]) -> NDArray[np.floa
 
 
 def _pairs(
-    distance: NDArray[Any], limit: int, rng: np.random.Generator
+    distance: NDArray[Any], rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match partial points with candidates: (row, pick), rows ascending.
 
     Every row gets its nearest candidate if none agrees, one of the agreeing ones at
-    random, and more of them while the limit allows. Without chance, the candidates listed
-    first would be the only ones left once the limit is reached.
+    random, and more of them while there is room. Without chance, the candidates listed
+    first would be the only ones left.
     """
     agree = distance <= _AGREE
     lonely = ~agree.any(axis=1)
     agree[lonely, distance[lonely].argmin(axis=1)] = True
     row, pick = np.nonzero(agree)
-    if row.size <= limit:
+    if row.size <= _MOST:
         return row, pick
     shuffled = rng.permutation(row.size)
     _, first = np.unique(row[shuffled], return_index=True)
     others = np.setdiff1d(np.arange(row.size), first)
-    chosen = np.sort(shuffled[np.concatenate([first, others[: limit - first.size]])])
+    chosen = np.sort(shuffled[np.concatenate([first, others[: _MOST - first.size]])])
     return row[chosen], pick[chosen]

@@ -31,6 +31,7 @@ from sparsepop_py.verified.arithmetic.polynomial_range import Factors, product
 
 __all__ = ["Rows", "box_rows", "propagate", "sweep", "with_cutoff"]
 
+_PROGRESS = 0.02  # of a width: propagation ends where no sweep gains as much
 _POINT = 1e-9  # widths below this (relative) need not shrink further
 
 
@@ -92,9 +93,7 @@ class Rows:
         return tuple((real, power[real, k], variable[real, k]) for real, k in slots)
 
 
-def propagate(
-    rows: Rows, box: Interval, limit: int = 60, progress: float = 0.02
-) -> tuple[Interval, int]:
+def propagate(rows: Rows, box: Interval, limit: int = 60) -> tuple[Interval, int]:
     """Sweep until nothing moves much; returns the box and the number of sweeps.
 
     An empty box (lo > hi somewhere) proves that no point satisfies rows and box.
@@ -102,7 +101,7 @@ def propagate(
     for number in range(1, limit + 1):
         check()
         tighter = sweep(rows, box)
-        if is_empty(tighter) or not _moved(box, tighter, progress):
+        if is_empty(tighter) or not _moved(box, tighter):
             return tighter, number
         box = tighter
     return box, limit
@@ -113,7 +112,7 @@ def is_empty(box: Interval) -> bool:
     return bool(np.count_nonzero(box.lo > box.hi))
 
 
-def _moved(old: Interval, new: Interval, progress: float) -> bool:
+def _moved(old: Interval, new: Interval) -> bool:
     if np.any(np.isinf(old.lo) & np.isfinite(new.lo)):
         return True
     if np.any(np.isinf(old.hi) & np.isfinite(new.hi)):
@@ -126,7 +125,7 @@ def _moved(old: Interval, new: Interval, progress: float) -> bool:
             (np.isfinite(old.lo) & (new.lo - old.lo > 0.1 * (1 + np.abs(old.lo))))
             | (np.isfinite(old.hi) & (old.hi - new.hi > 0.1 * (1 + np.abs(old.hi))))
         )
-        narrower = (width - left > progress * width) & (width > least)
+        narrower = (width - left > _PROGRESS * width) & (width > least)
     return bool(np.any(narrower) or np.any(half))
 
 
