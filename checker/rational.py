@@ -139,11 +139,11 @@ class RationalProblem:
 
         rows = list(self.base.constraints)
         for k in places:
-            rows.append(Constraint("ZERO", minus(self.denominators[k].times(letters[k]), ONE)))
+            rows.append(Constraint("ZERO", self.denominators[k].times(letters[k]).minus(ONE)))
         for kind, f in self.rows:
             if f.is_fraction:
                 ((p, q),) = f.ratios
-                rows.append(Constraint(kind, signed(p, ranges[self.place(q)].sign)))
+                rows.append(Constraint(kind, p.signed(ranges[self.place(q)].sign)))
             else:
                 rows.append(Constraint(kind, linear(f)))
         ends = [ranges[k].reciprocal() for k in places]
@@ -152,26 +152,12 @@ class RationalProblem:
         else:
             ((p, q),) = self.objective.ratios
             last = Polynomial({(n + len(places) + 1,): 1})
-            objective = signed(minus(p, q.times(last)), ranges[self.place(q)].sign)
+            objective = p.minus(q.times(last)).signed(ranges[self.place(q)].sign)
             ends.append((Fraction(level), Fraction(level)))
         lower = [*self.base.lower, *(low for low, _ in ends)]
         upper = [*self.base.upper, *(high for _, high in ends)]
         names = [*self.base.names, *(f"new{k}" for k in range(len(ends)))]
         return Problem(len(names), objective, rows, lower, upper, names)
-
-
-def signed(p: Polynomial, sign: int) -> Polynomial:
-    """Multiply a polynomial by 1 or -1."""
-    found = Polynomial()
-    found.add(p, sign)
-    return found
-
-
-def minus(one: Polynomial, other: Polynomial) -> Polynomial:
-    """Subtract."""
-    found = signed(one, 1)
-    found.add(other, -1)
-    return found
 
 
 # ---- what is proved --------------------------------------------------------------------------
@@ -200,19 +186,17 @@ class RationalCertificate:
         sign = whole(item(found, "sign", place), place)
         if sign not in (1, -1):
             raise Malformed(f"{place}.sign: {sign}")
-        least = self.claimed(item(found, "below", place), signed(q, sign), f"{place}.below")
+        least = self.claimed(item(found, "below", place), q.signed(sign), f"{place}.below")
         if not least > 0:
             raise NotProved(f"{place}: the sign of the denominator is not proved")
         above, most = item(found, "above", place), INF
         if above is not None:
-            most = -self.claimed(above, signed(q, -sign), f"{place}.above")
+            most = -self.claimed(above, q.signed(-sign), f"{place}.above")
         return Range(sign, least, max(least, most))
 
     def claimed(self, found: Any, objective: Polynomial, place: str) -> Any:
         """Verify a certificate's claim about the base, -INF where it is not proved."""
-        base = self.about.base
-        given = base.constraints, base.lower, base.upper, base.names
-        proof = Certificates(found, Problem(base.dimension, objective, *given), place)
+        proof = Certificates(found, self.about.base.minimising(objective), place)
         return proof.claim if proof.prove()[0] >= proof.claim else -INF
 
     def prove(self) -> tuple[Any, list[str]]:

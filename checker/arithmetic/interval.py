@@ -9,7 +9,7 @@ are ``INF``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from math import isqrt
 from typing import Any
@@ -70,6 +70,19 @@ def plus(x: Interval, y: Interval) -> Interval:
     """Add."""
     low = -INF if -INF in (x[0], y[0]) else x[0] + y[0]
     return low, (INF if INF in (x[1], y[1]) else x[1] + y[1])
+
+
+def total(parts: Iterable[Interval]) -> Interval:
+    """Sum intervals."""
+    found: Interval = ZERO
+    for part in parts:
+        found = plus(found, part)
+    return found
+
+
+def met(x: Interval, y: Interval) -> Interval:
+    """Intersect; ends cross where nothing is common."""
+    return max(x[0], y[0]), min(x[1], y[1])
 
 
 def minus(x: Interval, y: Interval) -> Interval:
@@ -145,10 +158,8 @@ def roots(value: Interval, n: int, x: Interval) -> Interval:
     if n == 1:
         return value
     if n % 2:
-        ends = root_below(abs(low), n), root_above(abs(low), n)
-        first = ends[0] if low >= 0 else -ends[1]
-        ends = root_below(abs(high), n), root_above(abs(high), n)
-        return first, (ends[1] if high >= 0 else -ends[0])
+        first = root_below(low, n) if low >= 0 else -root_above(-low, n)
+        return first, (root_above(high, n) if high >= 0 else -root_below(-high, n))
     if high < 0:
         return INF, -INF
     near, far = root_below(max(low, 0), n), root_above(high, n)
@@ -167,8 +178,5 @@ def monomial_range(word: tuple[int, ...], box: Sequence[Interval]) -> Interval:
 
 def range_over(polynomial: Polynomial, box: Sequence[Interval]) -> Interval:
     """Bound a polynomial over a box by the sum of the ranges of its terms."""
-    found: Interval = ZERO
-    for word, value in polynomial.terms.items():
-        term = scaled(value, polynomial.exp)
-        found = plus(found, times(term, monomial_range(word, box)) if word else term)
-    return found
+    terms = ((word, scaled(value, polynomial.exp)) for word, value in polynomial.terms.items())
+    return total(times(term, monomial_range(word, box)) if word else term for word, term in terms)

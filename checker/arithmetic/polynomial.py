@@ -67,14 +67,28 @@ class Polynomial:
                 found[word] = found.get(word, 0) + a * b
         return Polynomial(found, self.exp + other.exp)
 
+    def signed(self, sign: int) -> Polynomial:
+        """Multiply by 1 or -1."""
+        return Polynomial({word: sign * value for word, value in self.terms.items()}, self.exp)
+
+    def minus(self, other: Polynomial) -> Polynomial:
+        """Subtract another polynomial."""
+        found = self.signed(1)
+        found.add(other, -1)
+        return found
+
     def coefficient(self, word: Word = ()) -> Fraction:
         """Find the coefficient of a word."""
         return self.terms.get(word, 0) * power_of_two(self.exp)
 
+    def coefficients(self) -> dict[Word, Fraction]:
+        """List the words with their coefficients, which may be zero."""
+        unit = power_of_two(self.exp)
+        return {word: value * unit for word, value in self.terms.items()}
+
     def open(self) -> dict[Word, Fraction]:
         """List all words but 1 with a coefficient that is not zero."""
-        unit = power_of_two(self.exp)
-        return {word: value * unit for word, value in self.terms.items() if value and word}
+        return {word: value for word, value in self.coefficients().items() if value and word}
 
     def at(self, x: Sequence[Fraction]) -> Fraction:
         """Evaluate at a rational point."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
-from ..arithmetic.polynomial import INF, Polynomial, Word
+from ..arithmetic.polynomial import INF, Polynomial, Word, total
 from ..files.reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
 from .exact_dual import ExactDual
 from .gram import ExactGram
@@ -87,9 +87,7 @@ class Replay:
         """List generators 1, 2, ...: the constraints, and cutoff - f >= 0 behind them."""
         found = [Row(c.polynomial, c.equality) for c in self.problem.constraints]
         if cutoff is not None:
-            room = constant(cutoff)
-            room.add(self.problem.objective, -1)
-            found.append(Row(room, False))
+            found.append(Row(constant(cutoff).minus(self.problem.objective), False))
         return found
 
     def fits(self, scaling: Any, box: Box, what: str) -> bool:
@@ -125,9 +123,8 @@ def constant(value: Fraction) -> Polynomial:
 
 def squares_constant(problem: Problem) -> Fraction | None:
     """Find the constant beside the objective's sum of weight * p^2, None without one."""
-    rest = Polynomial(dict(problem.objective.terms), problem.objective.exp)
-    for weight, p in problem.squares:
-        rest.add(p.times(p).times(constant(weight)), -1)
+    squares = total(p.times(p).times(constant(weight)) for weight, p in problem.squares)
+    rest = problem.objective.minus(squares)
     return None if not problem.squares or rest.open() else rest.coefficient()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from ..arithmetic.polynomial import INF, Polynomial, Word, power_of_two
+from ..arithmetic.polynomial import INF, Polynomial, Word
 from ..files.reading import Malformed, alike, below, fields, items, rational
 from .gram import ExactGram
 from .identity import Row
@@ -58,10 +58,9 @@ class ExactDual:
 
 def add(rest: dict[Word, Fraction], p: Polynomial, word: Word, times: Fraction) -> None:
     """Add a multiple of a polynomial times a monomial, in place."""
-    unit = times * power_of_two(p.exp)
-    for letters, value in p.terms.items():
+    for letters, value in p.coefficients().items():
         key = tuple(sorted(letters + word))
-        rest[key] = rest.get(key, Fraction(0)) + value * unit
+        rest[key] = rest.get(key, Fraction(0)) + value * times
 
 
 def _rationals(found: Any, n: int, place: str) -> list[Fraction]:

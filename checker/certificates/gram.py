@@ -59,10 +59,8 @@ class ExactGram:
     def __init__(self, found: Any, n: int, place: str) -> None:
         kinds = {"basis": "w2", "first": "i1", "second": "i1", "value": "f1"}
         got = fields(found, place, n, **kinds)
-        self.basis, self.entries = (
-            got.basis,
-            list(zip(got.first, got.second, got.value, strict=False)),
-        )
+        self.basis = got.basis
+        self.entries = list(zip(got.first, got.second, got.value, strict=False))
         alike(place, got.first, got.second, got.value)
         below([*got.first, *got.second], len(got.basis), place)
         if got.basis.count(()) != 1 or got.basis[0]:

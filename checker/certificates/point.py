@@ -9,7 +9,7 @@ from typing import Any
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
-from ..arithmetic.polynomial import INF, Polynomial, power_of_two
+from ..arithmetic.polynomial import INF, Polynomial
 from ..files.reading import Constraint, Malformed, Problem, alike, below, fields
 from .gram import semidefinite
 from .left_inverse import dot, reached
@@ -186,9 +186,8 @@ def _semidefinite_over(c: Constraint, box: list[Interval]) -> bool:
     if c.kind == "SECOND_ORDER":
         rest = sum((max(abs(low), abs(high)) ** 2 for low, high in ends[1:]), Fraction(0))
         return bool(ends[0][0] >= 0 and ends[0][0] ** 2 >= rest)
-    matrix = [[(Fraction(0), Fraction(0))] * c.side for _ in range(c.side)]
-    for i, j in product(range(c.side), repeat=2):
-        matrix[i][j] = ends[c.place(i, j)]
+    side = range(c.side)
+    matrix = [[ends[c.place(i, j)] for j in side] for i in side]
     middle = [[(low + high) / 2 for low, high in row] for row in matrix]
     for i, row in enumerate(matrix):  # what is left is diagonally dominant
         middle[i][i] -= sum((high - low for low, high in row), Fraction(0)) / 2
@@ -204,13 +203,11 @@ def solved_linearly(
     """Solve equations that are linear in some variables, the others being x."""
     table: list[dict[int, Fraction]] = []  # key -1: the constant
     for k in rows:
-        p, row = problem.constraints[k].polynomial, dict[int, Fraction]()
-        unit = power_of_two(p.exp)
-        for letters, value in p.terms.items():
+        row: dict[int, Fraction] = {}
+        for letters, term in problem.constraints[k].polynomial.coefficients().items():
             ours = [v - 1 for v in letters if v - 1 in solved]
             if len(ours) > 1:
                 return None
-            term = value * unit
             for v in letters:
                 term *= x[v - 1] if v - 1 not in ours else 1
             key = ours[0] if ours else -1
@@ -317,8 +314,8 @@ def _falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bo
 def _along(p: Polynomial, x: list[Fraction], direction: list[Fraction]) -> list[Fraction]:
     """Coefficients in s of p(x + s * direction), without zeros at the end."""
     found = [Fraction(0)] * (1 + max(map(len, p.terms), default=0))
-    for letters, value in p.terms.items():
-        term = [value * power_of_two(p.exp)]
+    for letters, value in p.coefficients().items():
+        term = [value]
         for v in letters:
             shifted = [Fraction(0), *(a * direction[v - 1] for a in term)]
             term = [a * x[v - 1] for a in term] + [Fraction(0)]

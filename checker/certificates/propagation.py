@@ -39,7 +39,7 @@ class Box:
     def shrink(self, variable: int, low: End, high: End) -> None:
         """Intersect with low <= x_variable <= high."""
         old = self.ends[variable]
-        new = max(old[0], low), min(old[1], high)
+        new = iv.met(old, (low, high))
         if new != old:
             self.ends[variable] = new
             for stale in self.stale.values():
@@ -117,10 +117,10 @@ class Rows:
         """Where rows must lie, with |a| <= sqrt(b c) for the upper ends of b and c."""
         found = [row.target for row in self.rows]
         for a, b, c in self.minors:
-            ends = [_total(ranges[k])[1] for k in (b, c)]
+            ends = [iv.total(ranges[k])[1] for k in (b, c)]
             product = iv.times((0, max(ends[0], 0)), (0, max(ends[1], 0)))[1]
             reach = iv.root_above(product, 2)
-            found[a] = max(found[a][0], -reach), min(found[a][1], reach)
+            found[a] = iv.met(found[a], (-reach, reach))
         return found
 
 
@@ -131,13 +131,6 @@ def _ranges(row: Row, box: list[Interval]) -> list[Interval]:
         for variable, n in factors:
             value = iv.times(value, iv.power(box[variable], n))
         found.append(value)
-    return found
-
-
-def _total(ranges: list[Interval]) -> Interval:
-    found: Interval = iv.ZERO
-    for part in ranges:
-        found = iv.plus(found, part)
     return found
 
 
@@ -156,7 +149,7 @@ def _allowed(ranges: list[Interval], target: Interval) -> list[Interval] | None:
         if open_high > (own_high == INF):
             most = INF
         asked = iv.minus(target, (least, most))
-        both = max(asked[0], own_low), min(asked[1], own_high)
+        both = iv.met(asked, (own_low, own_high))
         if both[0] > both[1]:
             return None
         found.append(both)

@@ -60,13 +60,11 @@ def _discs(
     for number, row in list(enumerate(rows))[len(first) :]:
         rest: Disc = 0, 0
         slope: Disc = 0, 0
-        for word, value in row.terms.items():
+        for word, factor in row.coefficients().items():
             inside = [place[v - 1] for v in word if v - 1 in place]
             own = inside.count(number)
             if own > 1 or any(j > number for j in inside):
                 return None
-            factor = Fraction(value) if row.exp >= 0 else Fraction(value, 1 << -row.exp)
-            factor *= 1 << max(row.exp, 0)
             for v in word:
                 factor *= 1 if v - 1 in place else x[v - 1]
             term = _times_number((1 << bits, 0), factor)

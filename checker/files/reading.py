@@ -65,11 +65,14 @@ class Problem:
     squares: list[tuple[Fraction, Polynomial]] = field(default_factory=list)
     sense: str = "min"
 
-    def about(self, variable: int, side: int) -> Problem:
-        """Replace the objective by side * x_variable over the same feasible set."""
-        objective = Polynomial({(variable + 1,): side})
+    def minimising(self, objective: Polynomial) -> Problem:
+        """Replace the objective over the same feasible set."""
         given = self.constraints, self.lower, self.upper, self.names
         return Problem(self.dimension, objective, *given)
+
+    def about(self, variable: int, side: int) -> Problem:
+        """Replace the objective by side * x_variable over the same feasible set."""
+        return self.minimising(Polynomial({(variable + 1,): side}))
 
 
 # ---- JSON ------------------------------------------------------------------------------------

@@ -97,9 +97,7 @@ class Expression:
     def power(self) -> Polynomial:
         """Read a number, a name or a parenthesis, perhaps with an exponent."""
         if mark := self.take("+", "-"):
-            found = Polynomial()
-            found.add(self.power(), -1 if mark == "-" else 1)
-            return found
+            return self.power().signed(-1 if mark == "-" else 1)
         base = self.atom()
         if not self.take("^", "**"):
             return base
@@ -138,10 +136,8 @@ def relations(source: str, letters: dict[str, int]) -> list[Constraint]:
     found = []
     for left, mark, right in zip(sides, pieces[1::2], sides[1:], strict=False):
         first, second = (right, left) if mark in ("<=", "=l=", "=L=") else (left, right)
-        difference = Polynomial(dict(first.terms), first.exp)
-        difference.add(second, -1)
         kind = "NONNEGATIVE" if mark.lower() in (">=", "<=", "=l=", "=g=") else "ZERO"
-        found.append(Constraint(kind, difference))
+        found.append(Constraint(kind, first.minus(second)))
     if not found:
         raise Malformed(f"{source!r:.60}: no relation")
     return found
@@ -166,8 +162,7 @@ def made(
     objective: Polynomial, rows: list[Constraint], bounds: list[Any], names: list[str], sense: str
 ) -> Problem:
     """Make a problem; the objective of a maximisation is negated."""
-    least = Polynomial()
-    least.add(objective, -1 if sense == "max" else 1)
+    least = objective.signed(-1 if sense == "max" else 1)
     lower, upper = [list(ends) for ends in zip(*bounds, strict=True)]
     return Problem(len(names), least, rows, lower, upper, names, [], sense)
 
@@ -290,8 +285,7 @@ def _assembled(
         raise Malformed("the objective variable has bounds of its own, or powers")
     if not set(kinds.values()) <= set(ENDS):
         raise Malformed("variables that are neither free, positive, negative nor binary")
-    objective = Polynomial()
-    objective.add(holding[0].polynomial, -1 if slope > 0 else 1)
+    objective = holding[0].polynomial.signed(-1 if slope > 0 else 1)
     objective.terms.pop((last,))
     ends = []
     for name in names:

@@ -124,10 +124,7 @@ def word_of(found: Any, p: int) -> Word:
 
 def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
     """Enclose a sum of products."""
-    found = iv.ZERO
-    for monomial in column:
-        found = iv.plus(found, iv.monomial_range(monomial, box))
-    return found
+    return iv.total(iv.monomial_range(monomial, box) for monomial in column)
 
 
 def without(monomial: Word, place: int) -> Word:
@@ -168,7 +165,7 @@ def settle_denominators(factors: Factors, pairs: Pairs, box: list[iv.Interval]) 
         for i, v in enumerate(letters, 1):
             count = comb(len(letters), i)
             far = size if size == INF else count * size
-            box[v - 1] = max(box[v - 1][0], -far), min(box[v - 1][1], far)
+            box[v - 1] = iv.met(box[v - 1], (-far, far))
 
 
 def total_by(terms: list[Word], pairs: Pairs, box: list[iv.Interval]) -> iv.Interval:
@@ -176,8 +173,7 @@ def total_by(terms: list[Word], pairs: Pairs, box: list[iv.Interval]) -> iv.Inte
     left, found = set(terms), iv.ZERO
     for column, known in pairs:
         if left.issuperset(column):
-            low, high = total(column, box)
-            found = iv.plus(found, (max(low, known[0]), min(high, known[1])))
+            found = iv.plus(found, iv.met(total(column, box), known))
             left.difference_update(column)
     return iv.plus(found, total([word for word in terms if word in left], box))
 
@@ -201,21 +197,18 @@ def settle(
     for v in column[0]:
         if all(monomial.count(v) == 1 for monomial in column):
             others = [without(m, m.index(v)) for m in column]
-            low, high = total_by(others, pairs, box)
+            slope = total_by(others, pairs, box)
             for factors in every_factor:
                 if sorted(others) == sorted(chain(*product_of(factors).values())):
-                    whole = at_one(factors, box)
-                    low, high = max(low, whole[0]), min(high, whole[1])
-            if low <= high:
-                low, high = iv.quotient(known, (low, high))
-                box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
+                    slope = iv.met(slope, at_one(factors, box))
+            if slope[0] <= slope[1]:
+                box[v - 1] = iv.met(box[v - 1], iv.quotient(known, slope))
     for monomial in column:
         rest = total([other for other in column if other != monomial], box)
         own = iv.minus(known, rest)
         for place, v in enumerate(monomial):
             others = iv.monomial_range(without(monomial, place), box)
-            low, high = iv.quotient(own, others)
-            box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
+            box[v - 1] = iv.met(box[v - 1], iv.quotient(own, others))
 
 
 def by_directions(step: Any, rows: Regression, ends: Ends) -> Ends:
