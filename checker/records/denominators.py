@@ -11,17 +11,16 @@ what takes a multiplier to one that is orthogonal is bounded, upwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
+from functools import reduce
 from itertools import product
 from math import gcd
-from operator import mul
 from typing import Any, NamedTuple
 
-from ..arithmetic.polynomial import INF
 from ..files.reading import Malformed, alike, below, fields, finite, whole
 from ..result import NotProved
-from .linear_rows import Ends, Regression, nothing
+from .linear_rows import Ends, Regression, dot, joined, no_point
 from .structure import Term
 
 _FINE = 128  # bits of what corrects multipliers
@@ -149,7 +148,7 @@ class Multipliers:
 
     def products(self, multiplier: list[int]) -> list[int]:
         """Multiply with the columns."""
-        return [sum(map(mul, multiplier, column)) for column in self.rows.columns]
+        return [dot(multiplier, column) for column in self.rows.columns]
 
     def losses(self, rest: list[int]) -> list[int]:
         """Bound what correcting products may change for each abs(a_i), rounded up."""
@@ -195,7 +194,7 @@ def first_cones(order: int, stable: bool) -> list[Cone]:
 def minor(cone: Cone, r: int, j: int, k: int) -> int:
     """Polarise H_r at two vectors of a cone, 2^2n times the Hurwitz products."""
     basis = list(zip(*first_cones(len(cone) - 1, True)[0], strict=True))
-    one, two = ([sum(map(mul, cone[m], column)) for column in basis] for m in (j, k))
+    one, two = ([dot(cone[m], column) for column in basis] for m in (j, k))
     inner = one[r] * two[r + 1] + two[r] * one[r + 1]
     return inner - one[r - 1] * two[r + 2] - two[r - 1] * one[r + 2]
 
@@ -241,14 +240,14 @@ class Sides:
             self.losses.append(table.losses(rest))
             ahead = [multiplier[i:] + [0] * i for i in range(table.rows.order + 1)]
             parts = list(zip(*ahead, strict=True))
-            self.filtered.append([[_sum(v, part) for part in parts] for v in vectors])
+            self.filtered.append([[dot(v, part) for part in parts] for v in vectors])
 
     def left(self, j: int, k: int) -> Fraction:
         """Compute what is left for a pair."""
         both = list(map(int.__add__, self.filtered[k][j], self.filtered[j][k]))
-        found = Fraction(_sum(both, self.rows.y) - _sum(map(abs, both), self.rows.noise))
+        found = Fraction(dot(both, self.rows.y) - dot(map(abs, both), self.rows.noise))
         for one, two in ((j, k), (k, j)):
-            found -= _sum(map(abs, self.vectors[one]), self.losses[two])
+            found -= dot(map(abs, self.vectors[one]), self.losses[two])
             if self.gain is not None:
                 found += self.gain[2] * self.vectors[one][0] * self.shares[two]
         return found
@@ -257,10 +256,6 @@ class Sides:
 def _minors(leaf: Leaf, vectors: Cone, j: int, k: int) -> Fraction:
     weighted = (weight * minor(vectors, r, j, k) for r, weight in enumerate(leaf.minors, 1))
     return sum(weighted, Fraction(0))
-
-
-def _sum(one: Iterable[int], two: Iterable[int]) -> int:
-    return sum(map(mul, one, two))
 
 
 def upright(cone: Cone) -> Cone | None:
@@ -344,19 +339,13 @@ def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
     tree = Tree(step, rows)
     if tree.stable:
         rows.about.stable.add(tree.got.output)
-    hull: Ends = [[INF] * rows.count, [-INF] * rows.count]
-    for found in tree.leaves(ends):
-        if not nothing(found):
-            hull[0] = [min(pair) for pair in zip(hull[0], found[0], strict=True)]
-            hull[1] = [max(pair) for pair in zip(hull[1], found[1], strict=True)]
-    return hull
+    return reduce(joined, tree.leaves(ends), no_point(rows.count))
 
 
 def _leaf(found: Any) -> Leaf:
     """Multipliers, powers and minors of a node or a limit."""
-    family, powers = (
-        [whole(v, "box.nodes") for v in column] for column in (found.family, found.powers)
-    )
+    family = [whole(v, "box.nodes") for v in found.family]
+    powers = [whole(v, "box.nodes") for v in found.powers]
     return Leaf(family, powers, [Fraction(finite(v, "box.nodes")) for v in found.minors])
 
 

@@ -11,11 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 from ..arithmetic import interval as iv
-from ..arithmetic.polynomial import INF
-from ..files.reading import item, items, number
 from ..result import NotProved
-from .fewer_priors import check_given
-from .linear_rows import Ends, met
+from .fewer_priors import check_given, outer_ends
+from .linear_rows import Ends, met, no_point
 from .parameter_box import at_one
 
 ORDERS = ("na", "nb", "nk", "common_denominator", "offset")
@@ -31,9 +29,8 @@ def bounded_by(inner: Any, about: Any, box: Ends) -> Ends:
     offsets = [name for i in one.outputs for term in one.offset(i) for name in term.parameters]
     check_question(about, inner, offsets)
     if inner.empty:
-        return [[INF] * len(about.names), [-INF] * len(about.names)]
-    outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
-    known = [(iv.below(number(a, "outer")), iv.above(number(b, "outer"))) for a, b in outer]
+        return no_point(len(about.names))
+    known = [(iv.below(a), iv.above(b)) for a, b in zip(*outer_ends(inner), strict=True)]
     letters = {name: v for v, name in enumerate(about.names, 1)}
     for i, name in enumerate(offsets):
         if not one.adds_offset(i):

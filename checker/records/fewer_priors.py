@@ -12,7 +12,7 @@ from typing import Any
 from ..arithmetic.polynomial import INF
 from ..files.reading import item, items, number
 from ..result import NotProved
-from .linear_rows import Ends, met
+from .linear_rows import Ends, met, no_point
 
 
 def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
@@ -24,10 +24,13 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
     about.taken += inner.taken
     about.stable |= inner.stable
     check_given(about, inner, "fewer_priors")
-    if inner.empty:
-        return [[INF] * len(about.names), [-INF] * len(about.names)]
+    return no_point(len(about.names)) if inner.empty else met(box, *outer_ends(inner))
+
+
+def outer_ends(inner: Any) -> Ends:
+    """Read the intervals that an identification proves."""
     outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
-    return met(box, [number(a, "outer") for a, _ in outer], [number(b, "outer") for _, b in outer])
+    return [[number(pair[side], "outer") for pair in outer] for side in (0, 1)]
 
 
 def check_given(about: Any, inner: Any, field: str, free: list[str] | None = None) -> None:

@@ -5,7 +5,9 @@ The columns m are the parameters, or sums of products of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
+from operator import mul
 from typing import Any
 
 from ..arithmetic import interval as iv
@@ -27,6 +29,24 @@ def met(ends: Ends, low: list[Any], high: list[Any]) -> Ends:
     """Intersect with another box."""
     lows = [max(pair) for pair in zip(ends[0], low, strict=True)]
     return [lows, [min(pair) for pair in zip(ends[1], high, strict=True)]]
+
+
+def no_point(count: int) -> Ends:
+    """Make an empty box."""
+    return [[INF] * count, [-INF] * count]
+
+
+def joined(ends: Ends, other: Ends) -> Ends:
+    """Enclose two boxes, the second of which may be empty."""
+    if nothing(other):
+        return ends
+    lows = [min(pair) for pair in zip(ends[0], other[0], strict=True)]
+    return [lows, [max(pair) for pair in zip(ends[1], other[1], strict=True)]]
+
+
+def dot(a: Iterable[int], b: Iterable[int]) -> int:
+    """Sum products."""
+    return sum(map(mul, a, b))
 
 
 def move(box: Ends, v: int, side: int, least: Any) -> None:
@@ -120,7 +140,7 @@ def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
 def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what linear programs prove on the parts that signs of parameters make."""
     nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
-    hull: Ends = [[INF] * p, [-INF] * p]
+    hull = no_point(p)
     stack, seen = [(0, ends)], set[int]()
     while stack:
         place, part = stack.pop()
@@ -129,10 +149,7 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
         seen.add(place)
         node = fields(nodes[place], "box", 0, split="i", children="l", rows="l", bounds="l")
         if node.split < 0:
-            found = leaf(node, rows, part)
-            if not nothing(found):
-                hull[0] = [min(a, b) for a, b in zip(hull[0], found[0], strict=True)]
-                hull[1] = [max(a, b) for a, b in zip(hull[1], found[1], strict=True)]
+            hull = joined(hull, leaf(node, rows, part))
             continue
         if len(node.children) != 2 or node.split >= p:
             raise Malformed("box: a split of no parameter, or not in two")
@@ -157,7 +174,7 @@ def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
         pairs = items(item(given, "multipliers", "box"), "box")
         if item(given, "empty", "box") is True:
             combined(known, pairs, None)
-            return [[INF] * p, [-INF] * p]
+            return no_point(p)
         if pairs:
             move(found, *divmod(place, 2), combined(known, pairs, divmod(place, 2)))
     return found
@@ -202,10 +219,8 @@ def combined(
     """
     total = [ZERO] * len(rows[0])
     for pair in pairs:
-        place, value = (
-            whole(items(pair, "multipliers")[0], "multipliers"),
-            rational(pair[1], "multipliers"),
-        )
+        place = whole(items(pair, "multipliers")[0], "multipliers")
+        value = rational(pair[1], "multipliers")
         if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
             raise Malformed("multipliers: of a row that does not exist")
         if value < 0 and place not in (equal or ()):

@@ -33,7 +33,7 @@ from ..files.reading import (
 )
 from ..result import NotProved
 from .denominators import by_denominators
-from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
+from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, no_point, nothing
 from .simulation import by_simulation
 
 Factors = list[list[int]]  # denominators, by the letters of their coefficients from lag 1 on
@@ -100,7 +100,7 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
     for inner in got.steps:
         found = applied(inner, ONE_BY_ONE, lifted, found)
     if nothing(found):
-        return [[INF] * p, [-INF] * p]
+        return no_point(p)
     known = [(iv.below(a), iv.above(b)) for a, b in zip(*found, strict=True)]
     pairs = list(zip(columns, known, strict=True))
     every_factor = denominators(rows.about)
@@ -110,7 +110,7 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
         for column, pair in pairs:
             settle(column, pair, box, pairs, every_factor)
             if any(a > b for a, b in box):
-                return [[INF] * p, [-INF] * p]
+                return no_point(p)
     return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
 
 
@@ -255,12 +255,10 @@ def cube_side(
     rows = []
     for c in (given.constraints[place] for place in got.rows):
         terms = {}
-        for word in c.polynomial.terms:
-            value, heads = c.polynomial.coefficient(word), [v for v in word if v <= p]
+        for word, value in about.unscaled(c).items():
+            heads = [v for v in word if v <= p]
             if len(heads) > 1 or c.side:
                 raise Malformed("box.sides: a row that is not linear in the parameters")
-            for v in word:
-                value /= about.units[v - 1]
             terms[word if heads else (*word, n + 1)] = value * (scale[heads[0] - 1] if heads else 1)
         rows.append((c.kind, terms))
     for v in range(p):
@@ -279,8 +277,7 @@ def cube_side(
     ranges = [(Fraction(-1), Fraction(1))] * p
     ranges[which[0]] = (Fraction(1 - 2 * which[1]),) * 2
     for v in range(p, n):
-        pair = (times(e[v], about.units[v]) for e in (given.lower, given.upper))
-        ranges.append(tuple(pair) if v + 1 in used else (ZERO, ZERO))
+        ranges.append(about.bounds(v) if v + 1 in used else (ZERO, ZERO))
     ranges.append((ZERO, LARGEST) if n + 1 in used else (ZERO, ZERO))
     lower, upper = (
         [times(pair[k], 1 / size) for pair, size in zip(ranges, units, strict=True)] for k in (0, 1)

@@ -74,6 +74,7 @@ class Identification:
     def _number(self) -> None:
         """Which unknown is which parameter or sample."""
         self.labels: list[str] = []
+        self.keys: list[tuple[str, int, int]] = []  # group, channel and sample
         for k, triple in enumerate(self.got.variables):
             group, channel, place = items(triple, "variables")
             key = text(group, "variables"), whole(channel, "variables"), whole(place, "variables")
@@ -81,6 +82,7 @@ class Identification:
             if (group == "theta") != first or (first and place != k) or key in self.record.letters:
                 raise Malformed("variables: parameters come first, and each unknown stands once")
             self.record.letters[key] = k + 1
+            self.keys.append(key)
             label = f"{group}{channel or ''}[{place + 1}]"
             self.labels.append(self.names[k] if first else label)
         if len(set(self.labels)) < len(self.labels):
@@ -108,10 +110,9 @@ class Identification:
             self._check_noise()
             return
         self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
-        self._define()
-        for place, (origin, c) in enumerate(
-            zip(self.got.rows, self.problem.constraints, strict=True)
-        ):
+        pairs = list(zip(self.got.rows, self.problem.constraints, strict=True))
+        self._define(pairs)
+        for place, (origin, c) in enumerate(pairs):
             if origin is None or origin[:1] == [LIFTED]:
                 continue
             name, k = items(origin, "rows")
@@ -120,7 +121,6 @@ class Identification:
             why = self._differs(text(name, "rows"), k, c)
             if why:
                 raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
-        pairs = zip(self.got.rows, self.problem.constraints, strict=True)
         given = [c for origin, c in pairs if origin is None]
         if any(v in self.lifted for c in given for word in c.polynomial.terms for v in word):
             raise NotProved("a row that is given speaks of an unknown that another one defines")
@@ -131,19 +131,18 @@ class Identification:
         for v in range(len(self.names), self.problem.dimension):
             self._check_bounds(v)
 
-    def _define(self) -> None:
+    def _define(self, pairs: list[tuple[Any, Constraint]]) -> None:
         """Collect unknowns that rows define as polynomials in the parameters, by their letters.
 
         They have no bounds (see _check_bounds): these rows leave all parameters as they are.
         """
         self.lifted: dict[int, Terms] = {}
-        pairs = zip(self.got.rows, self.problem.constraints, strict=True)
         for place, (origin, c) in enumerate(pairs):
             if origin is None or items(origin, "rows")[:1] != [LIFTED]:
                 continue
             _, number = items(origin, "rows")
             letter = self.record.letters.get((LIFTED, 0, whole(number, "rows")), 0)
-            stated = self._in_parameters(self._unscaled(c))
+            stated = self._in_parameters(self.unscaled(c))
             own = stated.pop((letter,), ZERO)
             others = any(v > len(self.names) for word in stated for v in word)
             if not own or others or not c.equality or c.side:
@@ -162,11 +161,10 @@ class Identification:
                 found[product] = found.get(product, ZERO) + coefficient
         return {word: value for word, value in found.items() if value or not word}
 
-    def _unscaled(self, c: Constraint) -> Terms:
-        """The polynomial of a row in the units of the record, times some number."""
-        found: Terms = {}
-        for word in c.polynomial.terms:
-            found[word] = c.polynomial.coefficient(word)
+    def unscaled(self, c: Constraint) -> Terms:
+        """Write the polynomial of a row in the units of the record, times some number."""
+        found = c.polynomial.coefficients()
+        for word in found:
             for v in word:
                 found[word] /= self.units[v - 1]
         return found
@@ -175,7 +173,7 @@ class Identification:
         """A row in names of unknowns, up to a positive factor."""
         terms = {
             tuple(sorted(self.labels[v - 1] for v in word)): value
-            for word, value in self._unscaled(c).items()
+            for word, value in self.unscaled(c).items()
             if value
         }
         size = sum(map(abs, terms.values())) or Fraction(1)
@@ -190,10 +188,7 @@ class Identification:
         if c.side:
             raise Malformed("rows: a prior that is a matrix")
         parts = []
-        for word in sorted(c.polynomial.terms, key=lambda w: (len(w), w)):
-            value = c.polynomial.coefficient(word)
-            for v in word:
-                value /= self.units[v - 1]
+        for word, value in sorted(self.unscaled(c).items(), key=lambda t: (len(t[0]), t[0])):
             names = [self.labels[v - 1] for v in word]
             parts += ["*".join([shown(value), *names])] if value else []
         return f"{' + '.join(parts) or '0'} {'==' if c.equality else '>='} 0"
@@ -225,7 +220,7 @@ class Identification:
     def _differs(self, name: str, k: int, c: Constraint) -> str:
         """Why a constraint in units is not what the row says; empty where it is."""
         row, width = self._row(name, k)
-        stated = self._in_parameters(self._unscaled(c))
+        stated = self._in_parameters(self.unscaled(c))
         own, constant = row.pop((), ZERO), stated.pop((), ZERO)
         wanted = {word: value for word, value in row.items() if value}
         if set(stated) != set(wanted) or c.side:
@@ -254,22 +249,18 @@ class Identification:
     def _check_noise(self) -> None:
         """Check that unknowns of noise are bounded no more than is stated."""
         for v in range(len(self.names), self.problem.dimension):
-            if self._key(v)[0] in GROUPS:
+            if self.keys[v][0] in GROUPS:
                 self._check_bounds(v)
 
-    def _bounds(self, v: int) -> tuple[Any, Any]:
-        """The bounds of an unknown, in units of the record."""
+    def bounds(self, v: int) -> tuple[Any, Any]:
+        """Convert the bounds of an unknown to units of the record."""
         low, high = (times(e[v], self.units[v]) for e in (self.problem.lower, self.problem.upper))
         return low, high
 
-    def _key(self, v: int) -> tuple[str, int, int]:
-        """Group, channel and sample of an unknown."""
-        return next(key for key, letter in self.record.letters.items() if letter == v + 1)
-
     def _check_bounds(self, v: int) -> None:
         """The bounds of an unknown sample are no tighter than what is known of it."""
-        group, channel, k = self._key(v)
-        low, high = self._bounds(v)
+        group, channel, k = self.keys[v]
+        low, high = self.bounds(v)
         known: tuple[Any, Any] | None = (-INF, INF)
         if group == "slack":
             known = (low, high)  # part of a prior, whose rows are taken as given
@@ -297,8 +288,7 @@ class Identification:
         empty = any(a > b for a, b in zip(*box, strict=True))
         used = {v for c in self.problem.constraints for w in c.words() for v in w}
         for v in range(len(self.names)):
-            pair = self.problem.lower[v], self.problem.upper[v]
-            low, high = (times(end, self.units[v]) for end in pair)
+            low, high = self.bounds(v)
             if not empty and not (low <= box[0][v] and box[1][v] <= high):
                 if v + 1 in used:
                     raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
@@ -400,11 +390,10 @@ class Identification:
     def bounds_of(self, *groups: str) -> dict[str, tuple[Any, Any]]:
         """Bounds of the unknowns of some groups, in units of the record, where there are any."""
         found = {}
-        for (group, _, _), letter in self.record.letters.items():
-            ends = self.problem.lower[letter - 1], self.problem.upper[letter - 1]
-            low, high = (times(end, self.units[letter - 1]) for end in ends)
+        for v, (group, _, _) in enumerate(self.keys):
+            low, high = self.bounds(v)
             if group in groups and (low, high) != (-INF, INF):
-                found[self.labels[letter - 1]] = low, high
+                found[self.labels[v]] = low, high
         return found
 
     def _is_stable(self, point: Any) -> bool:

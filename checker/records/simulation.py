@@ -9,15 +9,13 @@ Whole numbers z stand for z * 2**-K here, and everything is rounded towards what
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from fractions import Fraction
-from operator import mul
 from typing import Any, NamedTuple
 
 from ..arithmetic.polynomial import INF
 from ..files.reading import Malformed, alike, below, fields, finite, items, text, whole
 from ..result import NotProved
-from .linear_rows import Ends, Regression
+from .linear_rows import Ends, Regression, dot, joined, no_point
 from .structure import Term
 
 _K = 320
@@ -33,11 +31,6 @@ def down(value: Any) -> int:
 def up(value: int, times: int = 1) -> int:
     """Divide by 2**K a number of times, rounded up."""
     return -(-value >> _K * times)
-
-
-def dot(a: Iterable[int], b: Iterable[int]) -> int:
-    """Sum products, 2**K times too large."""
-    return sum(map(mul, a, b))
 
 
 class Form(NamedTuple):
@@ -279,7 +272,7 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         pairs = [sorted((g * a, g * b)) for g, a, b in zip(row, *box, strict=True)]
         reach[0].append(sum(low for low, _ in pairs) >> _K)
         reach[1].append(up(sum(high for _, high in pairs)))
-    hull: Ends = [[INF] * p, [-INF] * p]
+    hull = no_point(p)
     stack, seen = [(0, Region(box, reach, *tables))], set[int]()
     while stack:
         place, region = stack.pop()
@@ -293,8 +286,7 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
             continue
         if not node.children:
             found = [[Fraction(v, ONE) for v in side[:p]] for side in (region.low, region.high)]
-            hull[0] = [min(pair) for pair in zip(hull[0], found[0], strict=True)]
-            hull[1] = [max(pair) for pair in zip(hull[1], found[1], strict=True)]
+            hull = joined(hull, found)
             continue
         if any(not place < whole(child, "box") < len(got.nodes) for child in node.children):
             raise Malformed("box: children that do not come later")

@@ -61,8 +61,7 @@ class Structure:
             raise Malformed("structure: an eliminated offset that begins at zero")
         self.given, self.inputs, self.outputs = got, range(inputs), range(outputs)
         self.many, self.zero = inputs * outputs > 1, got.initial == "zero"
-        names = ("na", "nb", "nk", "initial", "form", "common_denominator", "offset")
-        self.shown = {name: getattr(got, name) for name in names}
+        self.shown = {name: getattr(got, name) for name in (*kinds, *flags)}
 
     def _pair(self, i: int, j: int) -> str:
         return f"[{i + 1},{j + 1}]" if self.many else ""
