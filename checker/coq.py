@@ -17,6 +17,7 @@ import sys
 from fractions import Fraction
 from math import gcd, lcm
 from pathlib import Path
+from string import Template
 from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -460,9 +461,7 @@ def real(value: Fraction) -> str:
 def readable(p: Polynomial, names: list[str]) -> str:
     """Write a polynomial in R, for people."""
     parts = []
-    listed = sorted(p.terms, key=lambda w: (len(w), w))
-    for word in listed:
-        value = p.coefficient(word)
+    for word, value in sorted(p.coefficients().items(), key=lambda term: (len(term[0]), term[0])):
         if not value:
             continue
         factors = [names[v] + (f" ^ {n}" if n > 1 else "") for v, n in powers(word)]
@@ -487,80 +486,46 @@ def statement(problem: Problem, claim: Fraction | None) -> tuple[str, int]:
     return f"forall {' '.join(names)} : R,\n" + "\n".join([*lines, f"  {goal}"]), len(lines)
 
 
-SHAVE_BY = """
+PROOF = Template("""$kernel
+(* ---- the problem and its proof ---- *)
+
 Definition shave_by k m f v u e :=
   {| srow := k; smul := m; sform := f; svar := v; supper := u; send := e |}.
-"""
 
-
-def coq(problem: Problem, certificates: Certificates) -> str:
-    """Write the Coq file that proves the last certificate's claim about the problem."""
-    m = exponent(problem, certificates)
-    made = Exporter(problem, certificates, m)
-    unit = 2**m
-    box: Ends = [
-        (None if a == -INF else int(a * unit), None if b == INF else int(b * unit))
-        for a, b in zip(problem.lower, problem.upper, strict=True)
-    ]
-    pairs = [", ".join(ends_text(low, high)) for low, high in box]
-    added = "".join(f"(M.add {v}%positive ({pair}) " for v, pair in enumerate(pairs, 1))
-    first = added + "(M.empty ivl)" + ")" * len(box)
-    tree = made.tree(certificates.list[-1].parts[0], list(box))
-    goal, count = statement(problem, None if made.empty else made.claim)
-    rows = "; ".join(
-        f"({poly_text(row)}, {'true' if c.equality else 'false'})"
-        for row, c in zip(made.rows, problem.constraints, strict=True)
-    )
-    forms = "".join(
-        f"Definition multiple{k} : Z := {form.multiple}.\n"
-        f"Definition form{k} : form := {form_text(form)}.\n"
-        for k, form in enumerate(made.shaver.forms)
-    )
-    cases = " ".join(f"| {v}%positive => {unit} * x{v}" for v in range(1, problem.dimension + 1))
-    hypotheses = " ".join(f"H{k}" for k in range(count))
-    names = " ".join(f"x{v + 1}" for v in range(problem.dimension))
-    objective = poly_text({} if made.empty else made.objective)
-    bound = 1 if made.empty else made.bound
-    kernel = (Path(__file__).resolve().parent / "kernel.v").read_text(encoding="utf-8")
-    return f"""{kernel}
-(* ---- the problem and its proof ---- *)
-{SHAVE_BY}
-Definition rows : list row := [{rows}].
-Definition objective : poly := {objective}.
-Definition bound : Z := {bound}.
-Definition first_box : box := {first}.
+Definition rows : list row := [$rows].
+Definition objective : poly := $objective.
+Definition bound : Z := $bound.
+Definition first_box : box := $first.
 Open Scope Z_scope.
 Open Scope positive_scope.
 Open Scope Z_scope.
-{forms}
-Definition proof : tree := {tree}.
+$forms
+Definition proof : tree := $tree.
 Open Scope R_scope.
 
 Lemma checked :
-  {CHECKS[made.empty]} = true.
+  $check = true.
 Proof. vm_cast_no_check (eq_refl true). Qed.
 
-Theorem proved : {goal}.
+Theorem proved : $goal.
 Proof.
-  intros {names} {hypotheses}.
-  pose (X := fun v : positive => match v with {cases} | _ => 0 end).
+  intros $names $hypotheses.
+  pose (X := fun v : positive => match v with $cases | _ => 0 end).
   assert (Hrows : all_hold X rows).
-  {{ intros r Hr. cbv delta [rows] in Hr. simpl In in Hr.
+  { intros r Hr. cbv delta [rows] in Hr. simpl In in Hr.
     repeat (destruct Hr as [<-|Hr]; [cbv beta iota delta [holds snd fst ev mon X]; lra | ]).
-    destruct Hr. }}
+    destruct Hr. }
   assert (Hbox : inside X first_box).
-  {{ unfold first_box. repeat (apply inside_add; [|
+  { unfold first_box. repeat (apply inside_add; [|
       cbv beta iota delta [mem above below snd fst X]; split; try exact I; lra]).
-    apply inside_empty. }}
+    apply inside_empty. }
   assert (H : IZR bound <= ev X objective).
-  {{ {SOUND[made.empty]} }}
+  { $sound }
   cbv beta iota delta [bound objective ev mon X] in H. lra.
 Qed.
 
 Print Assumptions proved.
-"""
-
-
+""")
 CHECKS = {
     False: "check (rows ++ [(padd (pconst bound) (pmono [] (-1) objective), false)]) "
     "objective bound first_box proof",
@@ -573,9 +538,51 @@ SOUND = {
 }
 
 
-def ends_text(low: int | None, high: int | None) -> list[str]:
-    """Write the ends of an interval of the kernel."""
-    return ["None" if end is None else f"Some ({end})%Z" for end in (low, high)]
+def coq(problem: Problem, certificates: Certificates) -> str:
+    """Write the Coq file that proves the last certificate's claim about the problem."""
+    m = exponent(problem, certificates)
+    made = Exporter(problem, certificates, m)
+    unit = 2**m
+    box: Ends = [
+        (None if a == -INF else int(a * unit), None if b == INF else int(b * unit))
+        for a, b in zip(problem.lower, problem.upper, strict=True)
+    ]
+    tree = made.tree(certificates.list[-1].parts[0], list(box))
+    goal, count = statement(problem, None if made.empty else made.claim)
+    rows = "; ".join(
+        f"({poly_text(row)}, {'true' if c.equality else 'false'})"
+        for row, c in zip(made.rows, problem.constraints, strict=True)
+    )
+    forms = "".join(
+        f"Definition multiple{k} : Z := {form.multiple}.\n"
+        f"Definition form{k} : form := {form_text(form)}.\n"
+        for k, form in enumerate(made.shaver.forms)
+    )
+    letters = range(1, problem.dimension + 1)
+    return PROOF.substitute(
+        kernel=(Path(__file__).resolve().parent / "kernel.v").read_text(encoding="utf-8"),
+        rows=rows,
+        objective=poly_text({} if made.empty else made.objective),
+        bound=1 if made.empty else made.bound,
+        first=box_text(box),
+        forms=forms,
+        tree=tree,
+        check=CHECKS[made.empty],
+        goal=goal,
+        names=" ".join(f"x{v}" for v in letters),
+        hypotheses=" ".join(f"H{k}" for k in range(count)),
+        cases=" ".join(f"| {v}%positive => {unit} * x{v}" for v in letters),
+        sound=SOUND[made.empty],
+    )
+
+
+def box_text(box: Ends) -> str:
+    """Write a box of the kernel."""
+    found = "(M.empty ivl)"
+    for v, ends in reversed(list(enumerate(box, 1))):
+        low, high = ("None" if end is None else f"Some ({end})%Z" for end in ends)
+        found = f"(M.add {v}%positive ({low}, {high}) {found})"
+    return found
 
 
 def exponent(problem: Problem, certificates: Certificates) -> int:
