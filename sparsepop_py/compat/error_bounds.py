@@ -18,8 +18,8 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve_each
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rounding import above
 from sparsepop_py.result import Result
-from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["error_bounds", "index_sets"]
 
@@ -91,7 +91,7 @@ def error_bounds(
 def _below(objective: Polynomial, cutoff: float) -> Polynomial:
     """Build the row cutoff - f, rounded up: non-negative wherever f <= cutoff."""
     constant = Fraction(cutoff) - Fraction(objective.constant_term)
-    return total([-(objective - objective.constant_term), _above(constant)])
+    return total([-(objective - objective.constant_term), above(constant)])
 
 
 def _distance(centre: NDArray[np.float64], chosen: Sequence[int]) -> Polynomial:
@@ -99,9 +99,5 @@ def _distance(centre: NDArray[np.float64], chosen: Sequence[int]) -> Polynomial:
     x = variables(centre.size)
     rest = total((2.0 * float(centre[v])) * x[v] - x[v] ** 2 for v in chosen)
     return total(
-        [rest, -_above(sum((Fraction(float(centre[v])) ** 2 for v in chosen), Fraction(0)))]
+        [rest, -above(sum((Fraction(float(centre[v])) ** 2 for v in chosen), Fraction(0)))]
     )
-
-
-def _above(value: Fraction) -> float:
-    return float(Interval.of_fraction(value).hi)

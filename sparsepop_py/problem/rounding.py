@@ -27,6 +27,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 __all__ = [
     "OBJECTIVE",
     "Rounding",
+    "above",
     "note",
     "place_of",
     "rounded_bounds",
@@ -110,7 +111,7 @@ def rounding_of(
         followed = followed and terms.followed
     if not followed:
         return Rounding(place, max(count, 1), math.inf, math.inf)
-    return Rounding(place, count, _above(largest), shift)
+    return Rounding(place, count, above(largest), shift)
 
 
 def place_of(number: int, row: Any) -> str:
@@ -155,7 +156,7 @@ def rounded_bounds(place: str, given: Any) -> list[Rounding]:
         return []
     changes = [abs(Fraction(float(value)) - value) for value in exact]
     largest = max(change / abs(value) for change, value in zip(changes, exact, strict=True))
-    return [Rounding(place, len(exact), _above(largest), _above(max(changes)))]
+    return [Rounding(place, len(exact), above(largest), above(max(changes)))]
 
 
 def note(records: Sequence[Rounding]) -> list[str]:
@@ -224,8 +225,9 @@ def _shift(words: monomials.Words, errors: list[Fraction], lower: Reals, upper: 
     total = Fraction(0)
     for word, error in zip(words.tolist(), errors, strict=True):
         total += abs(error) * math.prod((reach[letter] for letter in word), start=Fraction(1))
-    return _above(total)
+    return above(total)
 
 
-def _above(value: Fraction) -> float:
+def above(value: Fraction) -> float:
+    """Round a rational number up to a double."""
     return float(Interval.of_fraction(value).hi)

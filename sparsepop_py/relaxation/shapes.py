@@ -319,7 +319,7 @@ class _Builder:
                 self.add(False, 0, -1, [*base, (v + 1,), *own])
         if len(shared) > len(centre) or not local:
             self.add(False, 0, -1, [(), *shared])
-        self.constraints([(), *centre], self.problem.degree)
+        self.constraints([(), *centre])
         self.bounds()
 
     def _split(self, base: list[tuple[int, ...]], local: list[int]) -> None:
@@ -366,7 +366,7 @@ class _Builder:
                 groups[key] = {v}
         return list(groups.values())
 
-    def constraints(self, multipliers: list[tuple[int, ...]], degree: int) -> None:
+    def constraints(self, multipliers: list[tuple[int, ...]]) -> None:
         """Add equalities times the multipliers, inequalities and matrices as they are."""
         for number, constraint in enumerate(self.problem.constraints):
             self.matrix(number, -1, [()])
