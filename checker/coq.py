@@ -2,9 +2,9 @@
 
 The file states the problem in rationals and proves ``forall x, constraints -> bound <= f x`` with
 the standard library alone: ``coqc proof.v``. It covers trees whose ends are identities of squares,
-linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets, left
-inverses, quoted certificates, matrices, priced monomials, exact Gram matrices and variables without
-a box are not covered.
+linear duals or empty boxes, over boxes that follow from the rows one at a time: steps are not
+replayed. Matrices, priced monomials, exact Gram matrices, exact duals and variables without a box
+are not covered.
 
 All is computed in integers, for X = 2^m x. Boxes shrink by "shaving": a row is negative all over
 the part of the box beyond the new end. Since points above the claim need no proof, the row

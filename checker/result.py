@@ -12,16 +12,7 @@ from .certificates.certificate import Certificates
 from .certificates.point import ProvedPoint, falls_without_limit
 from .files.reading import Malformed, Problem, fields, finite, item, items, problem
 
-STATUSES = (
-    "OPTIMAL",
-    "BOUNDED",
-    "UNPROVED",
-    "INFEASIBLE",
-    "UNBOUNDED",
-    "LIMIT",
-    "FAILED",
-    "INTERRUPTED",
-)
+STATUSES = "OPTIMAL BOUNDED UNPROVED INFEASIBLE UNBOUNDED LIMIT FAILED INTERRUPTED".split()
 
 
 class NotProved(Exception):
