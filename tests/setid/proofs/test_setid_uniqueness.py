@@ -343,7 +343,7 @@ def test_high_degrees_of_a_map_are_not_unique(degree: int) -> None:
     other = theta * np.array([2.0, *(0.5**m for m in range(1, degree + 1))])
     assert np.abs(setid.simulate(model, other, u) - setid.simulate(model, theta, u)).max() < 1e-12
     assert setid.unidentifiable(model) == model.parameters
-    options = setid.Options(unidentifiable="report", time_limit=10, progress=False)
+    options = setid.Options(unidentifiable="report", time_limit=0.5, progress=False)
     found = setid.identify(data, model, setid.Noise(output=1e-3), (), options)
     assert all(item.outer == (-inf, inf) for item in found.intervals.values())
     assert found.verify()
