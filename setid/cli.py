@@ -188,7 +188,9 @@ def _record(arguments: argparse.Namespace) -> IOData:
         header=arguments.header,
         time=times,
     )
-    return data if arguments.rows is None else part_of(data, arguments.rows)
+    if arguments.rows is None:
+        return data
+    return data.part(*part_of(arguments.rows, data.samples))
 
 
 def _columns(given: list[str] | None) -> list[str | int]:

@@ -6,8 +6,11 @@ import argparse
 import json
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from setid.data.record import IOData
-from setid.data.tables import has_names
+from setid.data.tables import column_names, has_names, read_table
 from setid.errors import DataError, SetidError
 from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
@@ -54,8 +57,8 @@ def add_verify(commands: Any) -> None:
     command.add_argument("--rows", metavar="FIRST:END", help="the part that was identified")
 
 
-def part_of(data: IOData, given: str) -> IOData:
-    """Take the samples FIRST:END of a record, numbered from 0; END is the one behind the last.
+def part_of(given: str, samples: int) -> tuple[int, int]:
+    """Read the range FIRST:END of samples, numbered from 0; END is the one behind the last.
 
     Either may be left out, and counts from the end where it is negative, as in Python.
 
@@ -68,13 +71,10 @@ def part_of(data: IOData, given: str) -> IOData:
         first, end = (int(text) if text else None for text in given.split(":"))
     except ValueError:
         raise DataError(f"--rows: found {given!r}, expected FIRST:END") from None
-    begin, stop, _ = slice(first, end).indices(data.samples)
-    if begin >= stop or any(abs(row) > data.samples for row in (first or 0, end or 0)):
-        raise DataError(
-            f"--rows: found {given!r}, expected FIRST < END <= {data.samples}, the samples"
-        )
-    data = data.split(stop)[0] if stop < data.samples else data
-    return data.split(begin)[1] if begin else data
+    begin, stop, _ = slice(first, end).indices(samples)
+    if begin >= stop or any(abs(row) > samples for row in (first or 0, end or 0)):
+        raise DataError(f"--rows: found {given!r}, expected FIRST < END <= {samples}, the samples")
+    return begin, stop
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -83,10 +83,7 @@ def _run(arguments: argparse.Namespace) -> int:
     result = _read(arguments.file)
     data = None
     if arguments.record is not None:
-        data = _record(
-            arguments.record, result.formulation.data, arguments.decimal, arguments.header
-        )
-        data = data if arguments.rows is None else part_of(data, arguments.rows)
+        data = _record(arguments, result.formulation.data)
     verdict = verify(result.evidence, data)
     if not verdict.ok:
         print(f"NOT PROVED  {verdict.reason}")
@@ -143,16 +140,18 @@ def _read(path: str) -> Identification:
     return result
 
 
-def _record(path: str, stored: IOData, decimal: str, header: int | None) -> IOData:
+def _record(arguments: argparse.Namespace, stored: IOData) -> IOData:
     """Read a table with the channels, sampling time and given ranges of a stored record."""
-    names = [*stored.input_names, *stored.output_names]
-    columns: list[str | int] = (
-        [*names] if has_names(path, decimal, header) else [*range(len(names))]
-    )
+    path, decimal, header = arguments.record, arguments.decimal, arguments.header
+    columns: list[str | int] = [*stored.input_names, *stored.output_names]
+    if not has_names(path, decimal, header):
+        columns = _places(arguments, stored)
     nu = stored.inputs
     found = IOData.from_csv(
         path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal, header=header
     )
+    if arguments.rows is not None:
+        found = found.part(*part_of(arguments.rows, found.samples))
     return IOData(
         found.u,
         found.y,
@@ -162,3 +161,21 @@ def _record(path: str, stored: IOData, decimal: str, header: int | None) -> IODa
         u_range=stored.u_range,
         y_range=stored.y_range,
     )
+
+
+def _places(arguments: argparse.Namespace, stored: IOData) -> list[str | int]:
+    """Find columns without names by their readings; in order where none has those of a channel."""
+    path, decimal, header = arguments.record, arguments.decimal, arguments.header
+    columns: dict[str | int, NDArray[np.float64]] = {}
+    for place in column_names(path, decimal, header):
+        try:
+            values = read_table(path, [place], decimal, header).columns[0]
+        except DataError:  # a column of dates or words holds no channel
+            continue
+        part = (0, values.size) if arguments.rows is None else part_of(arguments.rows, values.size)
+        columns[place] = values[slice(*part)]
+    channels = [*stored.u.T, *stored.y.T]
+    return [
+        next((k for k, held in columns.items() if np.array_equal(held, one, equal_nan=True)), place)
+        for place, one in enumerate(channels)
+    ]

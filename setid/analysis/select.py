@@ -28,6 +28,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, SetidError, warns_once
 from setid.html import listing, section, table
 from setid.identify import identify
+from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.equations import Structure
 from setid.models.registry import family_of
 from setid.options import Options, checked_options
@@ -404,7 +405,7 @@ def _what_pays(own: tuple[float, float], other: tuple[float, float]) -> str:
 def _decision(result: Identification) -> tuple[str, str]:
     """Kept where a consistent vector is proved, refuted where none is possible."""
     if result.empty:
-        where = ", ".join(str(k) for _, k in result.samples[:6])
+        where = samples_listed(result.samples, result.formulation.data.records)
         return "refuted", "the feasible set is proved empty" + (
             f" by samples {where}" if where else ""
         )

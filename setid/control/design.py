@@ -48,6 +48,7 @@ from setid.control.references import (
     with_unit_gain,
 )
 from setid.control.transfer import Transfer, as_transfer, simulate_exactly
+from setid.minimum_noise.conflicting_samples import samples_listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +75,7 @@ class Refuted:
     result: Identification
 
     def __repr__(self) -> str:
-        samples = ", ".join(str(k) for _, k in self.result.samples[:6])
+        samples = samples_listed(self.result.samples, self.result.formulation.data.records)
         return f"<order {self.order}: proved empty{f' by samples {samples}' if samples else ''}>"
 
 

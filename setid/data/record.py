@@ -433,7 +433,28 @@ class IOData:
             raise DataError(
                 f"at: found {at!r}, expected a row in 1..{self.samples - 1} or a fraction in (0, 1)"
             )
-        return self._rows(slice(0, row)), self._rows(slice(row, None))
+        return self.part(0, row), self.part(row, self.samples)
+
+    def part(self, first: int, end: int) -> IOData:
+        """Take the rows from ``first`` to the one before ``end``.
+
+        Parameters
+        ----------
+        first, end : int
+            Row numbers from 0, where first < end <= N.
+
+        Raises
+        ------
+        DataError
+            If no such rows exist, or no reading is left of a channel.
+        """
+        begin = natural(first, "first", DataError)
+        stop = natural(end, "end", DataError, least=begin + 1)
+        if stop > self.samples:
+            raise DataError(f"end: found {end!r}, expected at most {self.samples}, the samples")
+        inside = self.starts[(self.starts > begin) & (self.starts < stop)] - begin
+        starts = np.append(0, inside)
+        return self._like(self.u[begin:stop], self.y[begin:stop], starts=starts)
 
     def decimate(self, m: int) -> IOData:
         """Take every m-th sample of each record, without filtering.
@@ -509,11 +530,6 @@ class IOData:
         return section(
             repr(self)[1:-1], table(head, rows), listing("assumptions", self.assumptions)
         )
-
-    def _rows(self, part: slice) -> IOData:
-        begin, end, _ = part.indices(self.samples)
-        inside = self.starts[(self.starts > begin) & (self.starts < end)] - begin
-        return self._like(self.u[part], self.y[part], starts=np.append(0, inside))
 
     def _like(self, u: NDArray[Any], y: NDArray[Any], **changes: Any) -> IOData:
         kept: dict[str, Any] = {

@@ -30,11 +30,31 @@ from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
-__all__ = ["conflicting_rows", "conflicting_samples"]
+__all__ = ["conflicting_rows", "conflicting_samples", "samples_listed"]
 
 Keys = tuple[tuple[int, int], ...]
 Known = Regression | ProductRows
+_MOST = 12  # samples that a sentence lists
 _ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names")
+
+
+def samples_listed(samples: Keys, records: int) -> str:
+    """List samples for a sentence, with the record where there are several; many are counted.
+
+    Parameters
+    ----------
+    samples : tuple of (record, sample)
+    records : int
+        Of the data.
+
+    Examples
+    --------
+    >>> samples_listed(((1, 4), (1, 5)), 1), samples_listed(((1, 4), (2, 0)), 2)
+    ('4, 5', '1:4, 2:0')
+    """
+    named = [f"{record}:{k}" if records > 1 else str(k) for record, k in samples]
+    shown, more = ", ".join(named[:_MOST]), len(named) - _MOST
+    return shown + (f" and {more} more" if more > 0 else "")
 
 
 def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:

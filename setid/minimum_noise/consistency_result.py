@@ -15,6 +15,7 @@ from setid.errors import NoiseError
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import DRIVEN
 from setid.html import listing, section, table
+from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
@@ -151,7 +152,8 @@ class Consistency(NoiseScale):
             pairs = zip(_names(self.formulation), self.theta.tolist(), strict=True)
             lines.append("attained by " + ", ".join(f"{n} = {v:.6g}" for n, v in pairs))
         if self.samples:
-            lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
+            shown = samples_listed(self.samples, self.formulation.data.records)
+            lines.append(f"held up by samples {shown}")
         lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
         return "\n".join(lines)
 

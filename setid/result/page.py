@@ -27,6 +27,7 @@ from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent
 from setid.formulation.regression import check_channels
 from setid.html import table
+from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.block import BlockStructured
 from setid.models.html import InNotebook, equations_html
 from setid.plots.axes import require_matplotlib
@@ -278,7 +279,7 @@ def _binding(result: Identification) -> tuple[Part, ...]:
         place = f"record {record}, " if result.formulation.data.records > 1 else ""
         items.append(f"{place}sample {sample}: at its bound at {count} ends")
     if result.samples:
-        shown = ", ".join(str(sample) for _, sample in result.samples[:_MOST_BINDING])
+        shown = samples_listed(result.samples, result.formulation.data.records)
         items.append(f"samples that contradict each other: {shown}")
     return (
         (Part("list", items),)

@@ -17,6 +17,7 @@ from setid.formulation.formulation import Formulation
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters
+from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.priors.transfer import Stable
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -265,7 +266,7 @@ def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
         )
     hits, kinds = binding(result), binding_kinds(result)
     if hits:
-        shown = ", ".join(_sample(result, r, k) for r, k, _ in hits[:6])
+        shown = samples_listed(tuple((r, k) for r, k, _ in hits), result.formulation.data.records)
         lines.append(f"samples that bind at the ends: {shown}: check these readings first")
     if kinds:
         parts = ", ".join(f"{kind} {count} times" for kind, count in sorted(kinds.items()))
@@ -308,10 +309,5 @@ def _centre(result: FeasibleSet) -> list[str]:
 def _conflicting(result: FeasibleSet, remarks: Remarks) -> str:
     if not remarks.samples:
         return "no few samples are to blame: the proof uses the record as a whole"
-    shown = ", ".join(_sample(result, record, k) for record, k in remarks.samples[:12])
-    more = len(remarks.samples) - 12
-    return f"samples that contradict each other: {shown}" + (f", {more} more" if more > 0 else "")
-
-
-def _sample(result: FeasibleSet, record: int, sample: int) -> str:
-    return f"{record}:{sample}" if result.formulation.data.records > 1 else str(sample)
+    shown = samples_listed(remarks.samples, result.formulation.data.records)
+    return f"samples that contradict each other: {shown}"

@@ -63,6 +63,29 @@ def test_both_checkers_take_the_part_that_was_identified(
     assert "expected FIRST < END <= 4" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("rows", [":", "0:4"])
+def test_tables_without_names_are_compared_by_their_columns(
+    rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A column of words, one of times, then input and output; the sensor dies at the end."""
+    record, out = tmp_path / "record.csv", tmp_path / "out.json"
+    samples = [line.split(",") for line in ROWS.split()[1:]] + [["2", ""], ["1", ""]]
+    lines = [f"x,{0.1 * k!r},{u},{y}\n" for k, (u, y) in enumerate(samples)]
+    record.write_text("".join(lines))
+    given = ["--time", "1", "--input", "2", "--output", "3", "--header", "0", *ORDERS]
+    noise = ["--equation-noise", "0.5", "--certificate", str(out)]
+    assert main(["identify", str(record), *given, *noise, f"--rows={rows}"]) == 0
+    words = ["--record", str(record), "--rows", rows, "--header", "0"]
+    assert main(["verify", str(out), *words]) == 0
+    asked = [sys.executable, str(ROOT / "checker/check.py"), *words, str(out)]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    lines[2] = "x,0.2,2,1.25\n"
+    record.write_text("".join(lines))
+    assert main(["verify", str(out), *words]) == 1
+    assert "NOT PROVED" in capsys.readouterr().out
+
+
 def test_what_a_file_assumes_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A prior in a file narrows the intervals, and texts in it are no lines of their own."""
     data = setid.IOData(

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
-from setid.minimum_noise.conflicting_samples import conflicting_samples
+from setid.minimum_noise.conflicting_samples import conflicting_samples, samples_listed
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -47,10 +47,18 @@ def check(result: setid.Identification, truth: setid.Simulated) -> None:
     )
     named = {(record, k + 1) for record, k in result.samples}  # rows count samples from 1
     assert named <= rows and 2 < len(result.samples) < len(rows)
-    shown = ", ".join(str(k) for _, k in result.samples[:12])
-    assert f"samples that contradict each other: {shown}" in result.summary()
+    shown, more = ", ".join(str(k) for _, k in result.samples[:12]), len(result.samples) - 12
+    shown += f" and {more} more" if more > 0 else ""
+    assert f"samples that contradict each other: {shown}\n" in result.summary() + "\n"
     grid = [(a, b) for a in np.linspace(-1, 0, 11) for b in np.linspace(0.2, 2.2, 11)]
     assert min(least_level(result, a, b) for a, b in grid) > 1.0
+
+
+def test_sentences_name_records_and_count_what_they_leave_out() -> None:
+    many = tuple((1 + k // 10, k) for k in range(15))
+    assert samples_listed(many[:3], 1) == "0, 1, 2"
+    assert samples_listed(many[9:11], 2) == "1:9, 2:10"
+    assert samples_listed(many, 2).endswith("1:9, 2:10, 2:11 and 3 more")
 
 
 @pytest.mark.parametrize("noise", [OUTPUT, BOTH])
