@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from setid.feasible_points.fits.random_poles import random_denominator
+from setid.minimum_noise.claims import with_better
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.denominators.cones import first_cones
@@ -26,7 +27,6 @@ _FAR = 1e100
 _DRAWING, _EXPLORING = 0.06, 0.12  # of the time: for random denominators, and with descents
 _TINY, _ALMOST = 1e-7, 1e-4
 _LOWER = 0.01  # of a level: where a descent is worth it
-_KEPT = 5
 
 
 class AttainedNoise:
@@ -65,7 +65,7 @@ class AttainedNoise:
         if solved is None:
             return np.inf
         if solved[0] < self.level:
-            self.level, self.best = solved[0], [tried[1:], *self.best[: _KEPT - 1]]
+            self.level, self.best = solved[0], with_better(self.best, tried)
         return solved[0]
 
     def explore(self, deadline: Deadline) -> None:

@@ -12,11 +12,12 @@ from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, 
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 
-__all__ = ["FoundDenominators", "claimed"]
+__all__ = ["FoundDenominators", "claimed", "with_better"]
 
 Reals = NDArray[np.float64]
 _LOSSES = (1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 5e-2)  # of a factor: what may be left to rounding
 _OVER = 1.0 + 1e-12
+_KEPT = 5  # of the best denominators
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +37,19 @@ class FoundDenominators:
     factor: float
     cells: DenominatorCells | None
     best: tuple[Reals, ...]
+
+
+def with_better(best: Sequence[Reals], found: Reals) -> list[Reals]:
+    """Put a denominator that needs less noise before the best ones so far, of which few are kept.
+
+    Parameters
+    ----------
+    best : sequence of (n,) float
+        Coefficients a_1, ..., a_n.
+    found : (n + 1,) float
+        With a_0 = 1.
+    """
+    return [found[1:], *best[: _KEPT - 1]]
 
 
 def claimed(

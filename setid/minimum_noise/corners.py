@@ -19,19 +19,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cones.edges import edge_weights, monic
-from setid.minimum_noise.programs import Programs, grows, programs_for_growth, shifted
-from setid.proofs.denominators.cones import Cone, first_cones, split_cone
+from setid.minimum_noise.best_first import BestFirst
+from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.cones.edges import edge_weights
+from setid.minimum_noise.programs import Programs, shifted
+from setid.proofs.denominators.cones import Cone, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, pairs
-from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.budget import Deadline
 
 __all__ = ["by_corners"]
 
 Reals = NDArray[np.float64]
-_MEMORY = 2.0**28  # bytes of multipliers
+_Open = tuple[Cone, tuple[int, int]]  # a cone, and the pair of its vectors that says least
 
 
 class _Corner(NamedTuple):
@@ -61,48 +62,19 @@ def by_corners(
     return _Search(rows, programs, output, tol, deadline).run()
 
 
-class _Search:
+class _Search(BestFirst[_Open]):
     """Best-first search over cones, with one multiplier for each vector."""
+
+    _claim = VaryingCells
 
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
-        self._rows, self._programs, self._output = rows, programs, output
-        self._growing = programs_for_growth(rows, programs)
-        self._tol, self._deadline = tol, deadline
-        self._multipliers: list[Reals] = []
+        super().__init__(rows, programs, output, tol, deadline)
         self._corners: dict[tuple[int, ...], _Corner | None] = {}
-        self._cells: list[Cell | VaryingLeaf] = []
-        self._proved: list[float] = []
-        self._waiting: list[tuple[float, int, Cone, tuple[int, int]]] = []
-        self._level, self._cap = np.inf, np.inf
-        self._best: list[Reals] = []
-        self._most = int(_MEMORY / (8.0 * rows.y.size))
         self._one, self._two = np.array(pairs(rows.order + 1)).T
 
-    def run(self) -> FoundDenominators:
-        for cone in first_cones(self._rows.order, self._rows.stable):
-            self._add(cone)
-        while self._waiting:
-            low, number, cone, edge = heapq.heappop(self._waiting)
-            enough = low >= min((1.0 - self._tol) * self._level, self._cap)
-            if enough or self._deadline.over or len(self._multipliers) >= self._most:
-                break
-            kept = len(self._cells), self._cells[number]
-            try:
-                self._split(low, number, cone, edge)
-            except EARLY as cause:  # the cone stays whole
-                self._deadline.ended(cause)
-                del self._cells[kept[0] :], self._proved[kept[0] :]
-                self._cells[number] = kept[1]
-                break
-        none = np.zeros((0, self._rows.y.size))
-        assert self._programs.free is not None
-        claim = VaryingCells(self._output, self._programs.free, none, tuple(self._cells))
-        numbered = self._multipliers.__getitem__
-        return claimed(self._rows, claim, numbered, self._proved, self._best)
-
-    def _add(self, cone: Cone) -> None:
+    def _begin(self, cone: Cone) -> None:
         """File a cone with the error that the family of its vectors refutes."""
         number = len(self._cells)
         corners = [self._corner(vector) for vector in cone]
@@ -118,7 +90,7 @@ class _Search:
             powers = tuple(corner.power for corner in known)
             self._cells[number] = VaryingLeaf((family,), (1.0,), powers)
             self._proved[number] = low
-        heapq.heappush(self._waiting, (low, number, cone, edge))
+        heapq.heappush(self._waiting, (low, number, (cone, edge)))
 
     def _corner(self, whole: NDArray[np.object_]) -> _Corner | None:
         """The multiplier of the denominator that a vector is; None where it overflows."""
@@ -131,16 +103,13 @@ class _Search:
         power = max(int(value).bit_length() for value in whole.tolist()) - 1
         vector = np.ldexp(whole.astype(np.float64), -power)
         size = float(np.linalg.norm(vector))
-        growing = grows(vector, self._rows.y.size)
-        programs = self._growing if growing else self._programs
+        programs = self._programs_for(vector)
         solved = programs.solve(vector / size, None)
         if solved is None:
             return None
         level, multiplier, _ = solved
-        if level < self._level and programs is self._programs:
-            self._level = level
-            found = monic(vector, self._rows.stable)
-            self._best = self._best if found is None else [found[1:], *self._best[:4]]
+        if programs is self._programs:
+            self._note(vector, level)
         noise = float(dual_norm(self._rows, vector @ shifted(multiplier, self._rows.order)))
         if not (np.isfinite(noise) and noise > 0.0):
             return None
@@ -164,7 +133,8 @@ class _Search:
         place = int(np.argmin(apart))
         return max(0.0, float(ratio.min())), (int(one[place]), int(two[place]))
 
-    def _split(self, low: float, number: int, cone: Cone, edge: tuple[int, int]) -> None:
+    def _split(self, low: float, number: int, node: _Open) -> None:
+        cone, edge = node
         i, j = edge
         sizes = [max(abs(int(v)) for v in cone[place].tolist()) for place in edge]
         weights = edge_weights(sizes[1].bit_length() - sizes[0].bit_length())
@@ -175,4 +145,4 @@ class _Search:
         first = len(self._cells)
         self._cells[number] = Cell((first, first + 1), (i, j), weights)
         for half in halves:
-            self._add(half)
+            self._begin(half)

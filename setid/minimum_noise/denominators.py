@@ -17,14 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.attained_noise import AttainedNoise
-from setid.minimum_noise.claims import FoundDenominators, claimed
-from setid.minimum_noise.cones.edges import changing_edge, handed_on, monic
+from setid.minimum_noise.best_first import BestFirst
+from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.cones.edges import changing_edge, handed_on
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners
 from setid.minimum_noise.games import matrix_game
-from setid.minimum_noise.programs import Programs, grows, programs_for_growth, programs_of, shifted
-from setid.proofs.denominators.cones import Cone, first_cones, split_cone
-from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, dual_norm
+from setid.minimum_noise.programs import Programs, programs_of, shifted
+from setid.proofs.denominators.cones import Cone, split_cone
+from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.budget import EARLY, Deadline
 
@@ -37,13 +38,11 @@ _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is split
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
-_MEMORY = 2.0**28  # bytes of multipliers
 
 
 class _OpenCone(NamedTuple):
     """A cone that nothing refutes yet, and what multipliers say at its vectors."""
 
-    number: int
     cone: Cone
     used: list[int]
     values: Reals  # (m, K)
@@ -99,50 +98,22 @@ def least_output_noise(
     return replace(larger, best=best)
 
 
-class _Search:
+class _Search(BestFirst[_OpenCone]):
     """Best-first search over cones, with weighted multipliers for each cone."""
 
     def __init__(
         self, rows: OutputRows, programs: Programs, output: int, tol: float, deadline: Deadline
     ) -> None:
-        self._rows, self._programs, self._output = rows, programs, output
-        self._growing = programs_for_growth(rows, programs)
-        self._tol, self._deadline = tol, deadline
-        self._multipliers: list[Reals] = []
+        super().__init__(rows, programs, output, tol, deadline)
         self._moments: list[Reals] = []
-        self._cells: list[Cell] = []
-        self._proved: list[float] = []
-        self._waiting: list[tuple[float, int, _OpenCone]] = []
-        self._level, self._cap, self._best = np.inf, np.inf, list[Reals]()
         self._random = np.random.default_rng(5)
-        self._most = int(_MEMORY / (8.0 * rows.y.size))
 
-    def run(self) -> FoundDenominators:
-        for cone in first_cones(self._rows.order, self._rows.stable):
-            sizes = np.abs(cone.astype(np.float64)).max(axis=1)
-            nothing = np.zeros((0, len(cone)))
-            self._add(_OpenCone(-1, cone, [], nothing, nothing, None, sizes, -1), 0.0, Cell())
-        while self._waiting:
-            low, _, node = heapq.heappop(self._waiting)
-            enough = low >= min(self.target, self._cap)
-            if enough or self._deadline.over or len(self._multipliers) >= self._most:
-                break
-            kept = len(self._cells), self._cells[node.number]
-            try:
-                self._split(node, low)
-            except EARLY as cause:  # the cone stays whole
-                self._deadline.ended(cause)
-                del self._cells[kept[0] :], self._proved[kept[0] :]
-                self._cells[node.number] = kept[1]
-                break
-        return self._found()
+    def _begin(self, cone: Cone) -> None:
+        sizes = np.abs(cone.astype(np.float64)).max(axis=1)
+        nothing = np.zeros((0, len(cone)))
+        self._add(_OpenCone(cone, [], nothing, nothing, None, sizes, -1), 0.0, Cell())
 
-    @property
-    def target(self) -> float:
-        """The factor that is to be refuted."""
-        return (1.0 - self._tol) * self._level if np.isfinite(self._level) else np.inf
-
-    def _add(self, node: _OpenCone, least: float, whole: Cell) -> None:
+    def _add(self, node: _OpenCone, least: float, whole: Cell | VaryingLeaf) -> None:
         """File a cone with what refutes it; what refutes a whole does so for its halves."""
         number = len(self._cells)
         self._cells.append(Cell())
@@ -167,7 +138,6 @@ class _Search:
         if low < self.target and node.centre >= 0:
             kept = handed_on(shares)
             node = node._replace(
-                number=number,
                 used=[node.used[i] for i in kept],
                 values=node.values[kept],
                 noises=node.noises[kept],
@@ -189,8 +159,7 @@ class _Search:
         if not (np.isfinite(largest) and largest > 0.0):
             return None
         a = a / largest
-        growing = grows(a, self._rows.y.size)
-        programs = self._growing if growing else self._programs
+        programs = self._programs_for(a)
         own = programs is self._programs
         solved = programs.solve(a, node.reference if own else None)
         if solved is None:
@@ -216,15 +185,6 @@ class _Search:
             sizes=np.maximum(sizes, 1e-300) if first else node.sizes,
             centre=number if first else node.centre,
         )
-
-    def _note(self, a: Reals, level: float) -> None:
-        """Remember a denominator that needs less noise; no more than that can be refuted."""
-        if not level < self._level:
-            return
-        self._level = level
-        found = monic(a, self._rows.stable)
-        if found is not None:
-            self._best = [found[1:], *self._best[:4]]
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
@@ -276,7 +236,7 @@ class _Search:
         mixture = matrix_game(values - max(low, target) * noises)[1]
         return np.full(len(node.cone), 1.0 / len(node.cone)) if mixture is None else mixture
 
-    def _split(self, node: _OpenCone, low: float) -> None:
+    def _split(self, low: float, number: int, node: _OpenCone) -> None:
         """Split a cone at the edge along which its multipliers change most."""
         cone = node.cone.astype(np.float64)
         filtered = cone @ shifted(self._multipliers[node.centre], self._rows.order)
@@ -292,19 +252,9 @@ class _Search:
         values = np.array([new @ self._moments[m] for m in node.used])
         noises = np.array([self._noises(self._multipliers[m], new[None])[0] for m in node.used])
         size = float(self._noises(self._multipliers[node.centre], new[None])[0])
-        whole, self._cells[node.number] = (
-            self._cells[node.number],
-            Cell(children, (i, j), weights),
-        )
+        whole, self._cells[number] = self._cells[number], Cell(children, (i, j), weights)
         for place, half in zip((i, j), halves, strict=True):
             own, more, sizes = node.values.copy(), node.noises.copy(), node.sizes.copy()
             own[:, place], more[:, place], sizes[place] = values, noises, max(size, 1e-300)
-            child = node._replace(number=-1, cone=half, values=own, noises=more, sizes=sizes)
+            child = node._replace(cone=half, values=own, noises=more, sizes=sizes)
             self._add(child, low, whole)
-
-    def _found(self) -> FoundDenominators:
-        assert self._programs.free is not None
-        none, free = np.zeros((0, self._rows.y.size)), self._programs.free
-        claim = DenominatorCells(self._output, free, none, tuple(self._cells))
-        numbered = self._multipliers.__getitem__
-        return claimed(self._rows, claim, numbered, self._proved, self._best)
