@@ -10,21 +10,21 @@ closes denominators sooner within a box that is near.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
+from setid.minimum_noise.cones.crew import MOST_BYTES, Crew
 from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge, monic
 from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, orthogonal
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
-from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
+from setid.minimum_noise.cones.nodes import OPEN_LEAF, ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs, programs_of
 from setid.proofs.denominators.cones import first_cones, split_cone
 from setid.proofs.denominators.denominator_box import (
@@ -40,15 +40,12 @@ from setid.proofs.denominators.varying_multipliers import VaryingCells, family_r
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
 from sparsepop_py.budget import EARLY, Deadline
-from sparsepop_py.errors import SparsePOPError
-from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
 __all__ = ["denominator_box", "settles"]
 
 Reals = NDArray[np.float64]
 Ends = tuple[Reals, Reals]
 _Order = tuple[int, float]  # denominators (0) or gains (1), and how far they reach, negated
-_OPEN_LEAF = VaryingLeaf((), (), ())
 _TARGETS = (1.0, 0.1)  # of the attained widths: all ends are brought as near before any is nearer
 _DENOMINATOR_TARGET = 0.1  # the least of denominators that the engine closes sooner
 _AIM = 0.9  # of what an end may reach beyond: what programs aim at
@@ -58,8 +55,6 @@ _ROUNDING_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
 _VECTOR_BITS = 34  # binary digits of multipliers of vectors, from the largest one on
 _LIMIT_BITS = 44  # binary digits of multipliers that bound a gain
 _DEFAULT_SECONDS = 120.0  # seconds, where no time is given
-_CONES_PER_WORKER = 4  # cones for each worker of an executor
-_MOST_BYTES = 2.0**29  # bytes of multipliers
 _TINY = 1e-300  # in place of zero in quotients and logarithms
 
 
@@ -163,7 +158,7 @@ class _Search:
         self._rows, self._programs, self._deadline = rows, programs, deadline
         assert programs.free is not None
         self._free = programs.free
-        self._executor, self._ahead = executor, _CONES_PER_WORKER * workers_of(executor) or 1
+        self._crew = Crew(executor)
         at = {name: place for place, name in enumerate(formulation.parameters)}
         self._own = [(lag, at[name]) for lag, name in enumerate(rows.own) if name in at]
         self._gains = [(c, at[name], s) for c, (name, s) in enumerate(rows.gains) if name in at]
@@ -235,17 +230,17 @@ class _Search:
     @property
     def _ended(self) -> bool:
         size = len(self._multipliers) * 8.0 * self._rows.y.size
-        return size > _MOST_BYTES or self._deadline.over
+        return size > MOST_BYTES or self._deadline.over
 
     def _advance(self) -> None:
         """Refute, bound or split the cones that reach farthest."""
         batch: list[_OpenCone] = []
-        while self._waiting and len(batch) < self._ahead and self._is_far(self._waiting[0][0]):
+        while self._waiting and len(batch) < self._crew.cones and self._is_far(self._waiting[0][0]):
             batch.append(heapq.heappop(self._waiting)[2])
         new = [open_cone for open_cone in batch if not open_cone.examined]
         tasks = [(self._cones, open_cone.node, _REFUTED_FACTOR) for open_cone in new]
         refuted = set[int]()
-        for open_cone, found in zip(new, self._mapped(examined, tasks), strict=True):
+        for open_cone, found in zip(new, self._crew.map(examined, tasks), strict=True):
             if self._refuted(open_cone, found):
                 refuted.add(open_cone.number)
         batch = [open_cone for open_cone in batch if open_cone.number not in refuted]
@@ -256,13 +251,6 @@ class _Search:
                 self._split(open_cone)
             else:
                 self._push(open_cone)
-
-    def _mapped(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
-        try:
-            return list(map_in_order(self._executor, work, tasks))
-        except SparsePOPError:  # the executor takes no tasks any more
-            self._executor, self._ahead = None, 1
-            return [work(task) for task in tasks]
 
     def _refuted(self, open_cone: _OpenCone, found: Examined) -> bool:
         """Keep what refutes a cone; else what is new of it."""
@@ -328,10 +316,9 @@ class _Search:
                         aim = end + _AIM * room
                         solver = self._solvers[column]
                         tasks.append(LimitTask(solver, node, sign, aim, _REFUTED_FACTOR))
-        for (open_cone, column, place, sign), found in zip(
-            asked, self._mapped(limited, tasks), strict=True
-        ):
-            self._keep_limit(open_cone, (column, place, sign), found)
+        found = self._crew.map(limited, tasks)
+        for (open_cone, column, place, sign), one in zip(asked, found, strict=True):
+            self._keep_limit(open_cone, (column, place, sign), one)
 
     def _keep_limit(
         self, open_cone: _OpenCone, which: tuple[int, int, int], found: FoundLimit
@@ -396,7 +383,7 @@ class _Search:
     def _file(self, node: ConeNode, whole: int, ends: Ends) -> None:
         """Number a cone; it is left out where it lies outside of what is known."""
         number = len(self._cells)
-        self._cells.append(_OPEN_LEAF)
+        self._cells.append(OPEN_LEAF)
         self._wholes.append(whole)
         low, high = ends[0].copy(), ends[1].copy()
         least, most = ratio_ends(node.cone)
@@ -432,7 +419,7 @@ class _Search:
         return VaryingCells(output, free, table, cells), tuple(limits)
 
     def _binding(self) -> list[Limit]:
-        left = [number for number, cell in enumerate(self._cells) if cell is _OPEN_LEAF]
+        left = [number for number, cell in enumerate(self._cells) if cell is OPEN_LEAF]
         found = dict[tuple[int, int, int], Limit]()
         for number in left:
             best = dict[tuple[int, int], Limit]()

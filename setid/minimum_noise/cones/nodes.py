@@ -18,10 +18,11 @@ from setid.proofs.denominators.cones import Cone
 from setid.proofs.denominators.denominator_cells import VaryingLeaf
 from setid.proofs.denominators.varying_multipliers import hurwitz_minors, pairs
 
-__all__ = ["ConeNode", "Examined", "examined", "first_node"]
+__all__ = ["OPEN_LEAF", "ConeNode", "Examined", "examined", "first_node"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
+OPEN_LEAF = VaryingLeaf((), (), ())  # of a cone that nothing refutes
 _LEAST = 1e-200  # size of a vector
 _ALMOST_STABLE = 1.0 + 1e-4
 

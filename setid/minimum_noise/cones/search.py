@@ -21,26 +21,22 @@ from numpy.typing import NDArray
 
 from setid.minimum_noise.attained_noise import AttainedNoise
 from setid.minimum_noise.claims import FoundDenominators, claimed
+from setid.minimum_noise.cones.crew import MOST_BYTES, Crew
 from setid.minimum_noise.cones.edges import changing_edge
 from setid.minimum_noise.cones.limits import orthogonal
 from setid.minimum_noise.cones.linear_programs import ConePrograms
-from setid.minimum_noise.cones.nodes import ConeNode, Examined, examined, first_node
+from setid.minimum_noise.cones.nodes import OPEN_LEAF, ConeNode, Examined, examined, first_node
 from setid.minimum_noise.programs import Programs
 from setid.proofs.denominators.cones import first_cones, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from sparsepop_py.budget import EARLY, Deadline
-from sparsepop_py.errors import SparsePOPError
-from sparsepop_py.executors.dispatch import map_in_order, workers_of
 
 __all__ = ["follow_denominators"]
 
 Reals = NDArray[np.float64]
-_MOST_BYTES = 2.0**29  # bytes of multipliers
-_OPEN_LEAF = VaryingLeaf((), (), ())
 _DIRECT_TIME = 0.15  # of the time: for an attempt at the last target without lower ones
-_CONES_PER_WORKER = 4  # cones for each worker of an executor
 _FIRST_SHARE = 0.5  # of the level, which the lowest target leaves
 _LEAST_RATIO = 0.5  # of the next share to the present one
 _LARGEST_RATIO = 0.9  # of the next share to the present one
@@ -100,8 +96,7 @@ class _Search:
         executor: Executor | None = None,
     ) -> None:
         self._rows, self._programs, self._tol, self._deadline = rows, programs, tol, deadline
-        self._attained, self._executor = attained, executor
-        self._ahead = _CONES_PER_WORKER * workers_of(executor) or 1  # cones that are split together
+        self._attained, self._crew = attained, Crew(executor)
         self._share = tol  # of the level: what may be left now
         self._until = deadline
         self._cones = ConePrograms(programs, rows.stable, deadline.left)
@@ -128,14 +123,14 @@ class _Search:
     @property
     def _ended(self) -> bool:
         """Check that the time is over, or multipliers take as much memory as they may."""
-        full = len(self._multipliers) * 8.0 * self._programs.y.size > _MOST_BYTES
+        full = len(self._multipliers) * 8.0 * self._programs.y.size > MOST_BYTES
         return full or self._until.over
 
     def _file(self, node: ConeNode, whole: int) -> None:
         """File a cone that nothing refutes yet."""
         self._nodes.append(node)
         self._wholes.append(whole)
-        self._leaves.append(_OPEN_LEAF)
+        self._leaves.append(OPEN_LEAF)
         self._failed.append(np.inf)
         self._splits.append(None)
         self._proved.append(0.0)  # last: what is stated are the cones that have it
@@ -153,13 +148,7 @@ class _Search:
         """Solve for what refutes the target in cones; what refuted more before stays."""
         target = self.target
         tasks = [(self._cones, self._nodes[number], target) for number in numbers]
-        try:
-            found = map_in_order(self._executor, examined, tasks)
-        except SparsePOPError:  # the executor takes no tasks any more
-            self._executor, self._ahead = None, 1
-            self._solve(numbers)
-            return
-        for number, one in zip(numbers, found, strict=True):
+        for number, one in zip(numbers, self._crew.map(examined, tasks), strict=True):
             self._keep(number, one, target)
 
     def _keep(self, number: int, one: Examined, target: float) -> None:
@@ -233,8 +222,8 @@ class _Search:
         layer = list(range(len(first_cones(self._rows.order, self._rows.stable))))
         while layer and not self._ended:
             children: list[int] = []
-            for begin in range(0, len(layer), self._ahead):
-                self._refute([(number, 0.0) for number in layer[begin : begin + self._ahead]])
+            for begin in range(0, len(layer), self._crew.cones):
+                self._refute([(number, 0.0) for number in layer[begin : begin + self._crew.cones]])
             for number in layer:
                 cell = self._splits[number]
                 if cell is not None and self._proved[number] < self.target:
@@ -246,7 +235,11 @@ class _Search:
         """Split the cones that are open at the present target, the worst ones first."""
         while not self._ended:
             halves: list[tuple[int, float]] = []
-            while self._waiting and self._waiting[0][0] < self.target and len(halves) < self._ahead:
+            while (
+                self._waiting
+                and self._waiting[0][0] < self.target
+                and len(halves) < self._crew.cones
+            ):
                 low, number = heapq.heappop(self._waiting)
                 halves += [(half, low) for half in self._split(number)]
             if not halves:

@@ -364,7 +364,7 @@ def test_an_executor_solves_the_programs_of_several_cones(
             pool.shutdown()
         search = search_of(rows, np.real(np.poly(POLES[3])), 0.02, pool)
         found = search.run(0)
-    assert (search._ahead > 1) != shut and 0.979 * search._attained.level <= found.factor
+    assert (search._crew.cones > 1) != shut and 0.979 * search._attained.level <= found.factor
     assert found.cells is not None
     assert found.cells.follows(rows._replace(bound=rows.bound * found.factor))
 
