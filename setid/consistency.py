@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from typing import Any, TypeVar
@@ -58,7 +58,7 @@ from setid.proofs.least_noise.noise_scale import (
     proved_factor,
     scaled_noise,
 )
-from setid.proofs.parameter_box import start_of
+from setid.proofs.parameter_box import ProvedBox, start_of
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
@@ -66,6 +66,8 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["consistency"]
 
+Reals = NDArray[np.float64]
+Samples = tuple[tuple[int, int], ...]  # records and samples, from 0
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 T = TypeVar("T")
 
@@ -79,6 +81,7 @@ _MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
 _ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of products are unknowns
+_MORE = 1.0 + 1e-3  # times what an estimate needs: room to prove that it is consistent
 _STARTS = 3  # denominators from which a fit begins
 
 
@@ -146,39 +149,90 @@ def consistency(
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
     model, noise = settled(data, model, noise)
     bounds = noise.bounds(data)
-    model = without_delta(model)
     if not any(np.any(bound > 0) for bound in bounds):
         raise NoiseError("noise: found no positive bound, expected one that can be scaled")
-    given = listed(priors)
-    formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
+    asked = _Question(data, without_delta(model), noise, listed(priors), settings, deadline)
+    formulation = asked.stated(1.0)
     linear = formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1])
     if (
         linear
         and rows_say_all(formulation)
         and formulation.problem.dimension == len(formulation.parameters)
     ):
-        return _exactly(formulation, noise)
+        return _exactly(asked, formulation)
     formulation = _of_one_offset(without_partial_outputs(formulation, from_rest=True))
-    model = formulation.model
+    asked = replace(asked, model=formulation.model)
     least = None
     if _is_long(formulation):
-        least = _by_denominators(data, model, noise, given, settings, deadline)
-        whole = least.refuted is not None and not has_separate_denominators(model)
+        least = _by_denominators(asked)
+        whole = least.refuted is not None and not has_separate_denominators(asked.model)
         if whole or count_equations(formulation) > _LARGE or least.is_within(settings.tol):
             return least
-    return _by_engine(data, model, noise, given, settings, deadline, least)
+    return _by_engine(asked, least)
 
 
-def _kept(deadline: Deadline, work: Callable[[], T]) -> T | None:
-    """Do work within the limits; None where they or the user end it."""
-    if deadline.stopped:
-        return None
-    try:
-        with deadline.kept():
-            return work()
-    except EARLY as cause:
-        deadline.ended(cause)
-        return None
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question:
+    """Data and what is assumed of them, the noise aside from its factor; settings and limits."""
+
+    data: IOData
+    model: Structure
+    noise: Noise
+    priors: list[Any]
+    settings: Options
+    deadline: Deadline
+
+    def stated(self, factor: float) -> Formulation:
+        """State the problem at one factor."""
+        noise = scaled_noise(self.noise.bounds(self.data), factor)
+        return formulate(self.data, self.model, noise, self.priors)
+
+    @property
+    def rounding(self) -> float:
+        """The least factor that is resolved: noise as small as the rounding of the readings."""
+        return rounding_factor(self.data, self.noise.bounds(self.data))
+
+    def kept(self, work: Callable[[], T]) -> T | None:
+        """Do work within the limits; None where they or the user end it."""
+        if self.deadline.stopped:
+            return None
+        try:
+            with self.deadline.kept():
+                return work()
+        except EARLY as cause:
+            self.deadline.ended(cause)
+            return None
+
+    def answer(
+        self,
+        formulation: Formulation,
+        scale: tuple[float, float],
+        witness: Reals | None,
+        problem: sp.Problem,
+        *,
+        limit: float = 1.0,
+        bound: sp.LinearBound | None = None,
+        result: sp.Result | None = None,
+        box: ProvedBox | None = None,
+        refuted: Refuted | None = None,
+        samples: Samples = (),
+    ) -> Consistency:
+        """State what was found, with the parameters of the witness."""
+        return Consistency(
+            scale=scale,
+            theta=None if witness is None else witness[: len(formulation.parameters)],
+            witness=witness,
+            formulation=formulation,
+            limit=limit,
+            problem=problem,
+            bound=bound,
+            result=result,
+            box=box,
+            refuted=refuted,
+            noise=self.noise,
+            assumptions=_assumptions(formulation, self.noise),
+            samples=samples,
+        )
 
 
 def _of_one_offset(formulation: Formulation) -> Formulation:
@@ -205,97 +259,76 @@ def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
 # ---- equation errors: one linear program ------------------------------------------------
 
 
-def _exactly(formulation: Formulation, noise: Noise) -> Consistency:
-    problem = linear_problem(formulation)
-    factor = last_variable(problem)
-    (bound,) = sp.linear_bounds(problem, [factor])
-    rows, p = formulation.regression, len(formulation.parameters)
+def _exactly(asked: _Question, formulation: Formulation) -> Consistency:
+    problem, rows = linear_problem(formulation), formulation.regression
     assert rows is not None
+    found = asked.kept(partial(sp.linear_bounds, problem, [last_variable(problem)]))
+    if found is None:
+        return asked.answer(formulation, (0.0, inf), None, problem)
+    (bound,) = found
     used = [number // 2 for number, _ in bound.multipliers if number < 2 * rows.target.size]
     samples = {(int(rows.record[r]), int(rows.sample[r]) - 1) for r in used}
-    x = bound.x
-    return Consistency(
-        scale=(bound.lower, bound.upper),
-        theta=None if x is None else x[:p],
-        witness=None if x is None else x[:-1],
-        formulation=formulation,
-        limit=1.0,
-        problem=problem,
-        bound=bound,
-        result=None,
-        box=None,
-        refuted=None,
-        noise=noise,
-        assumptions=_assumptions(formulation, noise),
-        samples=tuple(sorted(samples)),
-    )
+    witness = None if bound.x is None else bound.x[:-1]
+    scale = bound.lower, bound.upper
+    held = tuple(sorted(samples))
+    return asked.answer(formulation, scale, witness, problem, bound=bound, samples=held)
 
 
 # ---- otherwise: the factor is an unknown ------------------------------------------------
 
 
-def _by_engine(
-    data: IOData,
-    model: Structure,
-    noise: Noise,
-    priors: list[Any],
-    settings: Options,
-    deadline: Deadline,
-    before: Consistency | None = None,
-) -> Consistency:
-    bounds, until = noise.bounds(data), deadline.end
-
-    def stated(factor: float) -> Formulation:
-        return formulate(data, model, scaled_noise(bounds, factor), priors)
-
-    if before is None or before.witness is None:
-        limit, x = _explaining(data, stated(1.0), deadline)
-    else:
-        limit, x = before.limit, before.witness
-    rounding = rounding_factor(data, bounds)
-    limit = max(limit, rounding)
-    formulation, theta, witness, high = stated(limit), None, None, inf
-    if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        less = partial(search_factor, formulation, x, min(until, time.monotonic() + _SEARCH))
-        found = _kept(deadline, less)
-        if found is not None and found.share < 1.0:
-            limit, x = max(limit * found.share * (1.0 + 1e-3), rounding), found.x
-            formulation = stated(limit)
-    if x is not None:
-        witness = _kept(deadline, partial(_witness, formulation, x))
-    if witness is not None:
-        theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
-    by_rows = _kept(deadline, partial(refuted_factor, stated, limit, until))
+def _by_engine(asked: _Question, before: Consistency | None) -> Consistency:
+    until, rounding = asked.deadline.end, asked.rounding
+    formulation, limit, x = _begun(asked, before)
+    witness = None if x is None else asked.kept(partial(_witness, formulation, x))
+    high = inf if witness is None else _rounded_up(limit)
+    by_rows = asked.kept(partial(refuted_factor, asked.stated, limit, until))
     refuted = _larger(None if before is None else before.refuted, by_rows)
     low = 0.0 if refuted is None else refuted[0]
     box, result = None, None
     if limit > rounding:
-        least = partial(least_factor, stated, (low, limit), x, settings, until)
-        found_least = _kept(deadline, least) or (formulation, limit, None, None)
-        formulation, limit, box, result = found_least
+        least = partial(least_factor, asked.stated, (low, limit), x, asked.settings, until)
+        formulation, limit, box, result = asked.kept(least) or (formulation, limit, None, None)
     problem = problem_with_factor(formulation, box)
     if result is not None:
         low = max(low, proved_factor(result, limit))
         units = in_units(problem, formulation).units
         if result.attained is not None and admitted_point(formulation, units, result.attained):
-            z = result.attained.x * units
-            high, witness = attained_factor(formulation, result.attained.value) * limit, z[:-1]
-            theta = witness[: len(formulation.parameters)]
-    return Consistency(
-        scale=(low, high),
-        theta=theta,
-        witness=witness,
-        formulation=formulation,
+            high = attained_factor(formulation, result.attained.value) * limit
+            witness = (result.attained.x * units)[:-1]
+    return asked.answer(
+        formulation,
+        (low, high),
+        witness,
+        problem,
         limit=limit,
-        problem=problem,
-        bound=None,
         result=result,
         box=box,
         refuted=refuted,
-        noise=noise,
-        assumptions=_assumptions(formulation, noise),
-        samples=_conflicting(stated, refuted),
+        samples=_conflicting(asked, refuted),
     )
+
+
+def _begun(asked: _Question, before: Consistency | None) -> tuple[Formulation, float, Reals | None]:
+    """A factor that explains the data as far as is known, its problem, and all unknowns there."""
+    if before is None or before.witness is None:
+        limit, x = _explaining(asked)
+    else:
+        limit, x = before.limit, before.witness
+    rounding = asked.rounding
+    limit = max(limit, rounding)
+    formulation, until = asked.stated(limit), asked.deadline.end
+    if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
+        less = partial(search_factor, formulation, x, min(until, time.monotonic() + _SEARCH))
+        found = asked.kept(less)
+        if found is not None and found.share < 1.0:
+            limit, x = max(limit * found.share * _MORE, rounding), found.x
+            formulation = asked.stated(limit)
+    return formulation, limit, x
+
+
+def _rounded_up(factor: float) -> float:
+    return factor * (1.0 + 1e-15)
 
 
 # ---- long records of noisy outputs: cones of denominators --------------------------------
@@ -309,55 +342,31 @@ def _is_long(formulation: Formulation) -> bool:
     return all(output_rows(formulation, output) is not None for output in outputs)
 
 
-def _by_denominators(
-    data: IOData,
-    model: Structure,
-    noise: Noise,
-    priors: list[Any],
-    settings: Options,
-    deadline: Deadline,
-) -> Consistency:
-    bounds = noise.bounds(data)
-
-    def stated(factor: float) -> Formulation:
-        return formulate(data, model, scaled_noise(bounds, factor), priors)
-
-    given = stated(1.0)
-    refuted, best = _refuted_denominators(given, settings, deadline)
-    formulation, limit, theta, witness, high = given, 1.0, None, None, inf
-    for level, x in _estimates(data, given, deadline, best):
-        limit = max(level * (1.0 + 1e-3), rounding_factor(data, bounds))
-        formulation = stated(limit)
-        witness = _kept(deadline, partial(_witness, formulation, x))
+def _by_denominators(asked: _Question) -> Consistency:
+    given = asked.stated(1.0)
+    refuted, best = _refuted_denominators(given, asked.settings, asked.deadline)
+    formulation, limit, witness, high = given, 1.0, None, inf
+    for level, x in _estimates(asked, given, best):
+        limit = max(level * _MORE, asked.rounding)
+        formulation = asked.stated(limit)
+        witness = asked.kept(partial(_witness, formulation, x))
         if witness is not None:
-            theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
+            high = _rounded_up(limit)
             break
-    return Consistency(
-        scale=(0.0 if refuted is None else refuted[0], high),
-        theta=theta,
-        witness=witness,
-        formulation=formulation,
-        limit=limit,
-        problem=problem_with_factor(formulation, None),
-        bound=None,
-        result=None,
-        box=None,
-        refuted=refuted,
-        noise=noise,
-        assumptions=_assumptions(formulation, noise),
-        samples=(),
-    )
+    scale = 0.0 if refuted is None else refuted[0], high
+    problem = problem_with_factor(formulation, None)
+    return asked.answer(formulation, scale, witness, problem, limit=limit, refuted=refuted)
 
 
 def _refuted_denominators(
     formulation: Formulation, settings: Options, deadline: Deadline
-) -> tuple[Refuted | None, tuple[NDArray[np.float64], ...]]:
+) -> tuple[Refuted | None, tuple[Reals, ...]]:
     """The largest factor that an output refutes, and denominators to begin from."""
     refuted, outputs = None, formulation.model.outputs
     share, tol = _SHARE, 0.5 * settings.tol
     if has_separate_denominators(formulation.model):  # rows say less than the structure
         share, tol = _ROWS, _NEAR * settings.tol
-    best: tuple[NDArray[np.float64], ...] = ()
+    best: tuple[Reals, ...] = ()
     for output in range(outputs):
         rows = output_rows(formulation, output)
         assert rows is not None
@@ -375,13 +384,11 @@ def _larger(one: Refuted | None, two: Refuted | None) -> Refuted | None:
     return max((each for each in (one, two) if each), key=lambda each: each[0], default=None)
 
 
-def _conflicting(
-    stated: Callable[[float], Formulation], refuted: Refuted | None
-) -> tuple[tuple[int, int], ...]:
+def _conflicting(asked: _Question, refuted: Refuted | None) -> Samples:
     """Records and samples, counted from 0, whose rows refute a factor."""
     if refuted is None or isinstance(refuted[1], DenominatorCells):
         return ()
-    found = conflicting_rows(stated(refuted[0]), refuted[1])
+    found = conflicting_rows(asked.stated(refuted[0]), refuted[1])
     return tuple((record, k - 1) for record, k in found)
 
 
@@ -394,27 +401,23 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
     return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 
-def _explaining(
-    data: IOData, formulation: Formulation, deadline: Deadline
-) -> tuple[float, NDArray[np.float64] | None]:
+def _explaining(asked: _Question) -> tuple[float, Reals | None]:
     """A factor with which some estimate is consistent, a little more than its least one."""
-    found = _estimates(data, formulation, deadline)
+    found = _estimates(asked, asked.stated(1.0))
     if not found:
         return 1.0, None
     level, x = found[0]
-    return level * (1.0 + 1e-3), x
+    return level * _MORE, x
 
 
 def _estimates(
-    data: IOData,
-    formulation: Formulation,
-    deadline: Deadline,
-    denominators: Iterable[NDArray[np.float64]] = (),
-) -> list[tuple[float, NDArray[np.float64]]]:
+    asked: _Question, formulation: Formulation, denominators: Iterable[Reals] = ()
+) -> list[tuple[float, Reals]]:
     """Factors that estimates need, with all unknowns; the least one first."""
-    found: list[tuple[float, NDArray[np.float64]]] = []
-    until = deadline.end
-    estimates: list[Callable[[], NDArray[np.float64]]] = [
+    data = asked.data
+    found: list[tuple[float, Reals]] = []
+    until = asked.deadline.end
+    estimates: list[Callable[[], Reals]] = [
         lambda: linf(data, formulation.model).theta,
         lambda: least_squares(data, formulation.model).theta,
     ]
@@ -429,9 +432,8 @@ def _estimates(
     for estimate in estimates:
         if len(found) > 1 and time.monotonic() > until:
             break
-
         try:
-            witness = _kept(deadline, partial(_explained, formulation, estimate))
+            witness = asked.kept(partial(_explained, formulation, estimate))
         except (ModelError, ValueError):
             continue
         if witness is None:
@@ -441,15 +443,13 @@ def _estimates(
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _explained(
-    formulation: Formulation, estimate: Callable[[], NDArray[np.float64]]
-) -> Witness | None:
+def _explained(formulation: Formulation, estimate: Callable[[], Reals]) -> Witness | None:
     """Find the least noise with which an estimate, moved into its priors, explains the data."""
     theta = estimate()
     low, high = formulation.problem.lower[: theta.size], formulation.problem.upper[: theta.size]
     return least_noise(formulation, np.clip(theta, low, high))
 
 
-def _witness(formulation: Formulation, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _witness(formulation: Formulation, x: Reals) -> Reals | None:
     """Prove that the parameters in some unknowns are consistent."""
     return consistent(formulation, x[: len(formulation.parameters)], x)

@@ -91,3 +91,22 @@ def test_a_fit_ends_with_its_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     assert 0.0 < fit.lower_bound < fit.error
     assert fit.verify(data)
+
+
+@pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
+def test_an_exact_program_that_ends_early_leaves_the_factor_open(
+    cause: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is proved then, and that is said in the same kind of result."""
+    monkeypatch.setattr("sparsepop_py.linear_bounds", interrupted(len, 0, cause))
+    found = setid.consistency(record(), MODEL, setid.Noise(equation=0.1))
+    assert found.scale == (0.0, np.inf) and found.explains is None and found.theta is None
+    monkeypatch.undo()
+    assert found.verify()
+    assert "open" in found.summary()
+
+
+def test_an_exact_program_keeps_the_limit() -> None:
+    options = setid.Options(time_limit=1e-9)
+    found = setid.consistency(record(), MODEL, setid.Noise(equation=0.1), options=options)
+    assert found.scale == (0.0, np.inf)
