@@ -49,6 +49,7 @@ from sparsepop_py.budget import Deadline
 __all__ = ["FoundOutputErrors", "least_output_errors"]
 
 Reals = NDArray[np.float64]
+Fitted = tuple[Reals, Reals]  # parameters, and the outputs that are simulated with them
 
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
@@ -108,32 +109,32 @@ def least_output_errors(
     refuted = _refuted(formulation, norm, settings, searched)
     fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
     fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
-    theta, outputs = fits[0]
+    fitted = fits[0]
     known: OutputErrors | None = None
     for one in fits:
         found = _known(data, model, norm, priors, one, refuted)
         if found is not None and found.attained is not None:
-            known, (theta, outputs) = found, one
+            known, fitted = found, one
             break
         known = known or found
-    error, low, attained = _norm(data.y - outputs, norm), 0.0, False
+    error, low, attained = _norm(data.y - fitted[1], norm), 0.0, False
     if known is not None:
         late = searched.stopped or time.monotonic() >= until
         if not late and (known.attained is None or known.level < (1.0 - settings.tol) * error):
-            known = _by_engine(known, outputs, (theta, settings, until))
+            known = _by_engine(known, fitted, settings, until)
         low = output_bound(known)
         if known.attained is not None:
             value = known.attained.value
             claimed = attained_norm(known, value + _ULPS * abs(value))
             if verify_output(known, 0.0, claimed):
                 attained, error = True, claimed
-                theta, outputs = _of_point(known, known.attained)
-    return FoundOutputErrors(model, theta, outputs, error, attained, min(low, error), known)
+                fitted = _of_point(known, known.attained)
+    return FoundOutputErrors(model, *fitted, error, attained, min(low, error), known)
 
 
 def _of_denominators(
     formulation: Formulation, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
-) -> list[tuple[Reals, Reals]]:
+) -> list[Fitted]:
     """Fit the other parameters for the denominators of a fit and of a search; single outputs."""
     data, model = formulation.data, formulation.model
     rows = error_rows(formulation, norm, 1.0)
@@ -145,7 +146,7 @@ def _of_denominators(
     places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
     if not best and norm == "linf" and time.monotonic() < until:
         best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
-    found: list[tuple[Reals, Reals]] = []
+    found: list[Fitted] = []
     for denominator in [theta[places], *best[:_STARTS]]:
         if found and time.monotonic() >= until:
             break
@@ -159,18 +160,17 @@ def _known(
     model: Structure,
     norm: Norm,
     priors: tuple[Any, ...],
-    fitted: tuple[Reals, Reals],
+    fitted: Fitted,
     refuted: FoundDenominators,
 ) -> OutputErrors | None:
     """State the least error within that of a fit, and prove that it is attained, if it can be."""
-    theta, outputs = fitted
     least = _EXACT * float(np.nanmax(np.abs(data.y), initial=0.0))  # where a fit is exact
-    radius = max(float(_norm(data.y - outputs, norm) * (1.0 + _MARGIN)), least)
+    radius = max(float(_norm(data.y - fitted[1], norm) * (1.0 + _MARGIN)), least)
     if not 0.0 < radius < inf:
         return None
     formulation, level = stated(data, model, priors, radius), refuted.factor
     known = OutputErrors(norm, radius, formulation, None, None, None, level, refuted.cells)
-    return replace(known, attained=_at_fit(known, theta, outputs))
+    return replace(known, attained=_at_fit(known, fitted))
 
 
 def _refuted(
@@ -183,12 +183,12 @@ def _refuted(
     return least_output_noise(rows, 0, _PART * settings.tol, deadline)
 
 
-def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0) -> Reals:
+def _vector(known: OutputErrors, fitted: Fitted, room: float = 0.0) -> Reals:
     """All unknowns of the problem of the least error at a fit; sizes with some room.
 
     The room is for the rounding of errors, and that of outputs where a fit is exact.
     """
-    formulation, norm = known.formulation, known.norm
+    formulation, norm, (theta, outputs) = known.formulation, known.norm, fitted
     numbers = formulation.layout.group("eta")
     errors = (formulation.data.y - outputs)[numbers >= 0]
     x = np.zeros(formulation.problem.dimension)
@@ -201,41 +201,39 @@ def _vector(known: OutputErrors, theta: Reals, outputs: Reals, room: float = 0.0
     return np.concatenate([x, sizes + room * more])
 
 
-def _at_fit(known: OutputErrors, theta: Reals, outputs: Reals) -> sp.ProvedPoint | None:
+def _at_fit(known: OutputErrors, fitted: Fitted) -> sp.ProvedPoint | None:
     """Prove that the error of a fit is attained."""
     scaled = in_units_of(known)
-    x = _vector(known, theta, outputs, _ROOM) / scaled.units
+    x = _vector(known, fitted, _ROOM) / scaled.units
     return proved_point(known.formulation, scaled.problem, x)
 
 
 def _by_engine(
-    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+    known: OutputErrors, fitted: Fitted, settings: Options, until: float
 ) -> OutputErrors:
     """Bound and attain the least error, from the local fit.
 
     Where priors leave no parameters within the error of the local fit, larger errors are tried.
     """
-    theta, settings, until = rest
-    found = _minimised(known, outputs, rest)
+    found = _minimised(known, fitted, settings, until)
     for step in range(_WIDER):
         if output_bound(found) < found.radius or time.monotonic() >= until:
             break
         radius = found.radius * 2.0 ** (step + 1)
         if found.attained is not None:  # beyond the radius, which samples alone obey
-            theta, outputs = _of_point(found, found.attained)
+            fitted = _of_point(found, found.attained)
             radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
-        wider = _minimised(_within(found, radius), outputs, (theta, settings, until))
+        wider = _minimised(_within(found, radius), fitted, settings, until)
         if wider.attained is None and output_bound(wider) < output_bound(found):
             break  # time ended, or the box is not finite: what was proved is kept
         found = wider
     if found.radius > known.radius and found.attained is not None and time.monotonic() < until:
-        theta, outputs = _of_point(found, found.attained)
+        fitted = _of_point(found, found.attained)
         error = attained_norm(found, found.attained.value)
         if output_bound(found) >= (1.0 - settings.tol) * error:
             return found
-        again = _minimised(
-            _within(found, error * (1.0 + _MARGIN)), outputs, (theta, settings, until)
-        )
+        nearer = _within(found, error * (1.0 + _MARGIN))
+        again = _minimised(nearer, fitted, settings, until)
         if again.attained is not None and output_bound(again) >= output_bound(found):
             return again
     return found
@@ -250,10 +248,9 @@ def _within(known: OutputErrors, radius: float) -> OutputErrors:
 
 
 def _minimised(
-    known: OutputErrors, outputs: Reals, rest: tuple[Reals, Options, float]
+    known: OutputErrors, fitted: Fitted, settings: Options, until: float
 ) -> OutputErrors:
     """Minimise the error over the box of its radius; as it was without a finite box."""
-    theta, settings, until = rest
     given, known = known, replace(known, box=find_box(known.formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
@@ -262,17 +259,11 @@ def _minimised(
     p = len(known.formulation.parameters)
     if not np.all(np.isfinite(lower[:p]) & np.isfinite(upper[:p])):
         return given
-    point = _at_fit(known, theta, outputs)
-    start = np.clip(_vector(known, theta, outputs) / scaled.units, lower, upper)
-    left = None if until == inf else max(until - time.monotonic(), 1e-3)
+    point = _at_fit(known, fitted)
+    start = np.clip(_vector(known, fitted) / scaled.units, lower, upper)
     size = 2.0 * known.radius**2 if known.norm == "l2" else known.radius  # for a relative gap
-    options = sp.Options(
-        effort="auto",
-        gap=settings.tol * size / scaled.factor,
-        gap_kind="absolute",
-        solver=settings.solver,
-        time_limit=left,
-    )
+    usual = settings.for_engine("absolute", until)
+    options = replace(usual, gap=settings.tol * size / scaled.factor)
     found = sp.solve(scaled.problem, options, start=start)
     best = found.attained
     if best is None or (point is not None and point.value < best.value):
@@ -280,7 +271,7 @@ def _minimised(
     return replace(known, certificate=found.certificate, attained=best)
 
 
-def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> tuple[Reals, Reals]:
+def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> Fitted:
     """Parameters and noise-free outputs of a point of the problem in units."""
     formulation = known.formulation
     x = point.x * in_units_of(known).units

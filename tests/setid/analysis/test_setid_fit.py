@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 import setid
+import sparsepop_py as sp
 from setid.feasible_set.start import find_box
 from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.least_noise.least_error import Norm, OutputErrors, stated, verify_output
@@ -303,3 +304,20 @@ def test_a_measured_record_from_rest_closes_without_priors() -> None:
     assert found.attained and found.gap < 1e-3 and found.verify()
     poles = np.roots([1.0, found.parameters["a1"], found.parameters["a2"]])
     assert np.abs(poles).max() < 1.0
+
+
+def test_settings_of_the_engine_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[sp.Options] = []
+
+    def seen(problem: sp.Problem, options: sp.Options, start: object) -> sp.Result:
+        asked.append(options)
+        return solve(problem, options, start=start)
+
+    solve = sp.solve
+    monkeypatch.setattr("sparsepop_py.solve", seen)
+    u, y = np.random.default_rng(3).uniform(-1.0, 1.0, (2, 12))
+    engine = sp.Options(effort="auto", seed=7, skip=("quote",))
+    options = setid.Options(time_limit=5.0, cpu_limit=9.0, progress=False, engine=engine)
+    setid.fit(setid.IOData(u, y), setid.TransferFunction(0, 2), "linf", options=options)
+    assert asked and {(each.seed, each.skip) for each in asked} == {(7, ("quote",))}
+    assert all(each.time_limit <= 5.0 and each.cpu_limit == 9.0 for each in asked)
