@@ -281,8 +281,9 @@ class MultiObjectiveSearch:
                     break
                 for index, turn in apart.finished():
                     self._returned(index, turn, apart)
-        finally:
-            apart.close()
+        finally:  # what an early end finds done is kept
+            for index, turn in apart.close():
+                self._take_back(index, turn)
         if apart.failure:
             text = f"the executor failed ({apart.failure}): objectives are bounded in this process"
             self.searches[0].context.stages.note(text, logging.WARNING)
@@ -295,13 +296,17 @@ class MultiObjectiveSearch:
         return not search.exhausted or last.get(index) != (self.model, search.context.best)
 
     def _returned(self, index: int, turn: Turn, apart: TurnsApart) -> None:
+        """Take the search of an objective back and let the others have what it found."""
+        self._take_back(index, turn)
+        self._share(index)
+        apart.references.keep(*self.model.proof.steps, *self.quoted.values())
+
+    def _take_back(self, index: int, turn: Turn) -> None:
         """Take the search of an objective back from another process."""
         turn.search.context = adopt_points(turn.search.context, self.points)
         self.searches[index] = turn.search
         if turn.working_set is not None:
             self.working_sets[index] = turn.working_set
-        self._share(index)
-        apart.references.keep(*self.model.proof.steps, *self.quoted.values())
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""

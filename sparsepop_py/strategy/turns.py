@@ -9,7 +9,7 @@ search of its objective to another process and brings it back
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -157,8 +157,8 @@ class TurnsApart:
         finally:
             search.outcome = whole
 
-    def finished(self) -> list[tuple[int, Turn]]:
-        """Wait for turns to end; list them with the numbers of their objectives.
+    def finished(self) -> Iterator[tuple[int, Turn]]:
+        """Wait for turns to end; yield them with the numbers of their objectives.
 
         Raises
         ------
@@ -169,7 +169,16 @@ class TurnsApart:
         done, _ = wait(self.running, left, FIRST_COMPLETED)
         if not done:
             raise LimitReached
-        found = []
+        yield from self._taken(done)
+
+    def close(self) -> Iterator[tuple[int, Turn]]:
+        """Cancel the turns that did not begin, give up those under way, and yield the others."""
+        done = [job for job in self.running if not job.cancel() and job.done()]
+        yield from self._taken(done)
+        self.running.clear()
+
+    def _taken(self, done: Iterable[Future[Timed[bytes]]]) -> Iterator[tuple[int, Turn]]:
+        """Take turns that have ended, one by one: an interrupt leaves the others where they are."""
         for job in done:
             number, old = self.running.pop(job)
             # executors of other packages raise exceptions that share no base below Exception
@@ -178,14 +187,7 @@ class TurnsApart:
             except Exception as error:
                 self._fail(error)
                 continue
-            found.append((number, self._returned(old, answer)))
-        return found
-
-    def close(self) -> None:
-        """Cancel the turns that did not begin."""
-        for job in self.running:
-            job.cancel()
-        self.running.clear()
+            yield number, self._returned(old, answer)
 
     def _live(self, stages: Stages) -> list[Any]:
         return [self.shared_state, self.deadline, stages, *self.costs]

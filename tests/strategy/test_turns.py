@@ -14,10 +14,12 @@ from search_cases import bilinear
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.budget import LimitReached
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
-from sparsepop_py.strategy.multi_objective import _RepairOnce
+from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch, _RepairOnce
+from sparsepop_py.strategy.turns import TurnsApart
 
 ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
 
@@ -105,6 +107,34 @@ class Hanging(Here):
 
     def submit(self, fn, /, *args, **kwargs) -> Future:
         return Future()
+
+
+def closed(results):
+    """Number of ends that are proved to the gap; all that is proved holds."""
+    assert all(result.certificate.verify(result.problem).ok for result in results)
+    return sum(result.upper_bound - result.lower_bound <= 1e-3 for result in results)
+
+
+@pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
+def test_turns_that_are_done_when_the_work_ends_are_kept(cause, monkeypatch):
+    def ended(apart):
+        raise cause
+
+    monkeypatch.setattr(TurnsApart, "finished", ended)
+    monkeypatch.setattr(MultiObjectiveSearch, "_run", lambda *_: pytest.fail("went on"))
+    assert closed(bounded(Here())) > 2
+
+
+def test_an_interrupt_after_one_turn_keeps_the_others(monkeypatch):
+    shared = []
+
+    def interrupted(self, index):
+        shared.append(index)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MultiObjectiveSearch, "_share", interrupted)
+    assert closed(bounded(Here())) > 2
+    assert len(shared) == 1
 
 
 def test_hanging_turns_end_with_the_limit():
