@@ -29,6 +29,7 @@ __all__ = ["DENSE_LIMIT", "local_search"]
 DENSE_LIMIT = 300  # variables of the largest problems for SLSQP
 _FIRST_STEPS = 60  # of second order before others, in more variables
 _LEVEL = 1e-6  # largest slope where a search has ended, relative to 1 and the value
+_LEAST_TIME = 1e-3  # seconds for IPOPT, which takes no time at all for an error
 _FAR = 1e8  # a search that comes this far follows a falling objective to infinity
 
 
@@ -66,7 +67,7 @@ def local_search(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         if method == "ipopt":
-            return _ipopt(problem, start)
+            return _ipopt(problem, start, end)
         if method == "sequential":
             held = Products.of(problem).complicating
             return sequential_search(problem, start, held, end=end, creeping=creeping)
@@ -208,7 +209,7 @@ def _by_trust_region(problem: Problem, start: NDArray[Any], end: float) -> NDArr
     return np.asarray(result.x)
 
 
-def _ipopt(problem: Problem, start: NDArray[Any]) -> NDArray[np.float64]:
+def _ipopt(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
     try:
         import casadi
     except ImportError as error:
@@ -237,6 +238,8 @@ def _ipopt(problem: Problem, start: NDArray[Any]) -> NDArray[np.float64]:
         "print_time": False,
         "ipopt.tol": 1e-10,
     }
+    if end < np.inf:
+        quiet["ipopt.max_wall_time"] = max(end - time.monotonic(), _LEAST_TIME)
     search = casadi.nlpsol("search", "ipopt", data, quiet)
     high = np.where(problem.equality, 0.0, np.inf)
     found = search(

@@ -1,6 +1,7 @@
 """Local searches: they only suggest points, and say what is missing."""
 
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -24,6 +25,43 @@ def test_ipopt_attains_the_laboratory_minimum():
     result = sp.solve(sp.problems.laboratory(), sp.Options(order=2, refine="ipopt"))
     assert result.attained is not None
     assert result.upper_bound == pytest.approx(52.7066065447, abs=1e-6)
+
+
+class _Quick:
+    """What is used of casadi, with a search that remembers its settings and returns its start."""
+
+    MX = type("MX", (float,), {"sym": staticmethod(lambda name, size: [1.0] * size)})
+    vertcat = staticmethod(lambda *rows: rows)
+
+    def __init__(self):
+        self.asked = []
+
+    def nlpsol(self, name, kind, data, settings):
+        self.asked.append(settings)
+        return lambda x0, **bounds: {"x": x0}
+
+
+@pytest.mark.parametrize("seconds, most", [(np.inf, None), (5.0, 5.0), (-1.0, 1e-3)])
+def test_ipopt_is_given_the_time_that_is_left(seconds, most, monkeypatch):
+    casadi, x = _Quick(), sp.variables(2)
+    monkeypatch.setitem(sys.modules, "casadi", casadi)
+    problem = sp.Problem(x[0] ** 2 + x[1], [x[0] >= x[1]], lower=-1, upper=1)
+    local_search(problem, np.zeros(2), "ipopt", time.monotonic() + seconds)
+    (settings,) = casadi.asked
+    given = settings.get("ipopt.max_wall_time")
+    assert given is None if most is None else 0.0 < given <= most
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_ipopt_ends_with_the_time():
+    """A chain of 2000 variables takes IPOPT thousands of iterations."""
+    pytest.importorskip("casadi", reason="casadi, which brings IPOPT, is an optional extra")
+    x = sp.variables(2000)
+    steps = [(1 - a) ** 2 + 100 * (b - a**2) ** 2 for a, b in zip(x, x[1:], strict=False)]
+    problem, start = sp.Problem(sp.total(steps)), np.full(2000, -1.2)
+    begun = time.monotonic()
+    found = local_search(problem, start, "ipopt", begun + 0.05)
+    assert 1.0 < problem.objective(found) <= problem.objective(start)
 
 
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [3.0, -2.0]])
