@@ -9,6 +9,7 @@ command line takes them: ``--prior "DCGain(0.9, 1.1)"``.
 from __future__ import annotations
 
 import ast
+import inspect
 from typing import Any
 
 from setid.errors import PriorError
@@ -102,15 +103,28 @@ def read_prior(text: str) -> Prior:
     try:
         given = [ast.literal_eval(item) for item in call.args]
         named = {str(item.arg): ast.literal_eval(item.value) for item in call.keywords}
+        takes = inspect.signature(kind)
+        if not _fits(takes, given, named):
+            bare = [item.replace(annotation=item.empty) for item in takes.parameters.values()]
+            raise TypeError(f"expected {call.func.id}({', '.join(map(str, bare))})")
         prior: Prior = kind(*given, **named)
+    except PriorError:
+        raise
     except (ValueError, TypeError) as error:
-        if isinstance(error, PriorError):
-            raise
         why = str(error)
         if why.startswith("malformed node"):  # a message of ast, about objects of its own
             why = "expected numbers, texts in quotes, None, and lists, tuples and dicts of these"
         raise PriorError(f"prior: found {text!r}, which cannot be read: {why}") from None
     return prior
+
+
+def _fits(takes: inspect.Signature, given: list[Any], named: dict[str, Any]) -> bool:
+    """Check that arguments are those of a call."""
+    try:
+        takes.bind(*given, **named)
+    except TypeError:
+        return False
+    return True
 
 
 for _kind in (Box, DCGain, Known, MinimumPhase, Physical, PoleIn, Sign, Stable, ZeroIn):
