@@ -14,6 +14,7 @@ from typing import ParamSpec, TypeVar
 
 __all__ = [
     "DataError",
+    "EmptySetError",
     "ModelError",
     "NoiseError",
     "PriorError",
@@ -43,6 +44,10 @@ class NoiseError(SetidError):
 
 class ModelError(SetidError):
     """A model structure is malformed, or cannot do what is asked of it."""
+
+
+class EmptySetError(SetidError):
+    """A feasible set is proved empty where its result does not say so."""
 
 
 class PriorError(SetidError):

@@ -13,7 +13,7 @@ from setid.bands.branching import Effort, Found, attained_by, branched, force_of
 from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
 from setid.data.checks import number
 from setid.data.record import IOData
-from setid.errors import SetidError
+from setid.errors import EmptySetError, SetidError
 from setid.feasible_points.members import members
 from setid.feasible_set.coordinates import Coordinates, coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet
@@ -143,6 +143,8 @@ def record_bands(
     ------
     SetidError
         If the structure does not allow it or the cover is not finite.
+    EmptySetError
+        If the set is proved empty on the way.
     """
     model = result.formulation.model
     view = view_of(model)
@@ -250,7 +252,7 @@ def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: i
         return _begun(task)
     found = branched(task, cover, effort, known if cover.exact else None, settle)
     if found.ranges is None:
-        raise SetidError(
+        raise EmptySetError(
             "result: every cell of the parameters is proved empty; see setid.consistency for the "
             "least noise bound that explains the data"
         )

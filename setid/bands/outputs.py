@@ -21,7 +21,7 @@ from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import FrozenMapping, frozen, number, word
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.errors import DataError, EmptySetError, ModelError, NoiseError, SetidError
 from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import draws_of, members, nominal
@@ -279,8 +279,8 @@ def simulate_band(
     if kind != "sampled":
         try:
             bands = record_bands(result, record, bounds, model.initial == "zero", accuracy)
-        except SetidError:
-            if kind == "proved":
+        except SetidError as error:
+            if kind == "proved" or isinstance(error, EmptySetError):
                 raise
         else:
             ranges = [np.stack(x, axis=1) for x in zip(*[b.ranges[:4] for b in bands], strict=True)]
@@ -464,7 +464,7 @@ def _candidates(result: FeasibleSet, mode: Mode, time_limit: float) -> dict[str,
     found: dict[str, Reals] = {}
     try:
         found["best member"] = best(result, mode, time_limit).theta
-    except (ModelError, SetidError):  # no member is known, or readings to start from are missing
+    except SetidError:  # no member is known, or readings to start from are missing
         pass
     found["centre"] = nominal(result) if result.middle is None else result.middle
     try:

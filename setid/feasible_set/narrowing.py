@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.errors import SetidError
+from setid.errors import EmptySetError
 from setid.feasible_set.coordinates import Coordinates, asked_of, parameters_of
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import supports
@@ -61,7 +61,7 @@ def solved_heights(
 
     Raises
     ------
-    SetidError
+    EmptySetError
         If the engine proves that the set is empty, which the result does not say.
     """
     result, unknowns = asked_of(result, coordinates or parameters_of(result))
@@ -83,7 +83,9 @@ def solved_heights(
     ]
     proved = -np.array([r.lower_bound for r in found]) * factors
     if np.any(proved == -inf):
-        raise SetidError("result: found a set that is now proved empty: identify the record again")
+        raise EmptySetError(
+            "result: found a set that is now proved empty: identify the record again"
+        )
     heights[about] = np.where(np.isnan(proved), inf, proved + 4 * _EPS * np.abs(proved))
     return heights, np.reshape(points, (-1, p))
 
@@ -94,7 +96,7 @@ def _negated(unknowns: Sequence[sp.Polynomial], direction: Sequence[float]) -> s
 
 @dataclass(slots=True, eq=False)
 class Narrowing:
-    """A cover of a feasible set that is not exact, and what has been asked to narrow it.
+    """A cover of a feasible set that is not exact, and what has been asked to narrow it. Mutable.
 
     Parameters
     ----------
@@ -164,9 +166,10 @@ class Narrowing:
         options = replace(engine, gap=gap, gap_kind="width", time_limit=left)
         heights, points = solved_heights(self.result, directions, options, self.coordinates)
         proved = np.isfinite(heights)
-        matrix = np.concatenate([self.cover.matrix, directions[proved]])
-        right = np.concatenate([self.cover.right, heights[proved]])
-        self.cover = replace(self.cover, matrix=frozen(matrix), right=frozen(right))
+        cover = self.cover  # once: threads that ask about one result share it
+        matrix = np.concatenate([cover.matrix, directions[proved]])
+        right = np.concatenate([cover.right, heights[proved]])
+        self.cover = replace(cover, matrix=frozen(matrix), right=frozen(right))
         self.points = np.concatenate([self.points, points])
         if time.monotonic() < until:  # else the gap may not have been reached
             self.gaps |= dict.fromkeys(keys, gap / _FALL)
@@ -195,6 +198,8 @@ class Narrowing:
 @lru_cache(maxsize=4)
 def narrowing_of(result: FeasibleSet, coordinates: Coordinates) -> Narrowing:
     """Start from the plain cover of a result, or go on where an earlier question ended.
+
+    All questions about a result share one object: what narrows it for one holds for the others.
 
     Parameters
     ----------

@@ -137,6 +137,9 @@ def test_a_set_that_is_proved_empty_meanwhile_is_named() -> None:
     found = on_its_box(identified(formulation, [(0.3, 0.4), (0.9, 1.1)]))
     with pytest.raises(setid.SetidError, match="identify the record again"):
         solved_heights(found, np.eye(2), sp.Options(time_limit=10.0))
+    for kind in (None, "proved"):  # no band of a set without members
+        with pytest.raises(setid.SetidError, match="identify the record again|proved empty"):
+            setid.simulate_band(found, kind=kind)
 
 
 # ---- sums -------------------------------------------------------------------------------
