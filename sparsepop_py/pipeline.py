@@ -30,10 +30,10 @@ from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError, check_kind, entries_of
 from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.local_search.extraction import means
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import (
     first_incumbent,
-    first_moments,
     random_starts,
 )
 from sparsepop_py.options import Options
@@ -574,9 +574,13 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
 
 
 def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
-    if bound.relaxation is None or bound.model.scaled is None:
+    """Read the moments of degree one, whatever the solver's status; None if not finite."""
+    scaled, solution = bound.model.scaled, bound.solution
+    if bound.relaxation is None or scaled is None or solution is None:
         return None
-    return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
+    if not np.isfinite(solution.y).all():
+        return None
+    return scaled.scaling.point(means(bound.relaxation, solution.y))
 
 
 _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]

@@ -456,9 +456,7 @@ class Identification(FeasibleSet):
         time_limit : float
             Seconds for what is proved.
         """
-        from setid.bands.responses import frequency_band
-
-        found = frequency_band(self, omega, kind, output, input, time_limit=time_limit)
+        found = self.bode(omega, kind, output, input, time_limit=time_limit)
         return replace(found, view="nyquist")
 
     def nichols(
@@ -482,9 +480,7 @@ class Identification(FeasibleSet):
         time_limit : float
             Seconds for what is proved.
         """
-        from setid.bands.responses import frequency_band
-
-        found = frequency_band(self, omega, kind, output, input, time_limit=time_limit)
+        found = self.bode(omega, kind, output, input, time_limit=time_limit)
         return replace(found, view="nichols")
 
     def step(

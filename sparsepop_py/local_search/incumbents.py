@@ -33,7 +33,6 @@ __all__ = [
     "adopt_points",
     "candidates_from_moments",
     "first_incumbent",
-    "first_moments",
     "random_starts",
     "search_incumbent",
     "update_incumbent",
@@ -223,15 +222,6 @@ def candidates_from_moments(
     if relaxation.problem.dimension <= _MANY:
         found = candidates(relaxation, solution.y)
     return [scaling.point(t) for t in found]
-
-
-def first_moments(
-    relaxation: Relaxation, solution: ConicSolution | None, scaling: Scaling
-) -> NDArray[np.float64] | None:
-    """Read the moments of degree one, whatever the solver's status; None if not finite."""
-    if solution is None or not np.isfinite(solution.y).all():
-        return None
-    return scaling.point(means(relaxation, solution.y))
 
 
 def random_starts(
