@@ -157,7 +157,7 @@ def _held_out(
         first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
     except DataError as error:
         raise DataError(str(error).replace("at:", "holdout:", 1)) from None
-    own, other = _noise_of(noise, data, first, rest)
+    own, other = _noise_of(noise, data, first)
     share = None if settings.time_limit is None else _FIRST * settings.time_limit
     timed = replace(settings, time_limit=share)
     found = identify(first, model, own, priors, timed, on_progress=on_progress)
@@ -172,7 +172,7 @@ def _held_out(
     return replace(found, holdout=Holdout(level))
 
 
-def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[Noise, Noise]:
+def _noise_of(noise: Noise, data: IOData, first: IOData) -> tuple[Noise, Noise]:
     """Noise of both parts of a record; bounds that are given one a sample are split as it is."""
     each = [np.shape(getattr(noise, kind))[:1] for kind in ("output", "input", "equation")]
     if first is data or (data.samples,) not in each:

@@ -21,7 +21,7 @@ from scipy.optimize import nnls
 from setid.data.checks import frozen, number, word
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
-from setid.feasible_points.estimators import least_squares
+from setid.feasible_points.estimators import NamedVector, least_squares
 from setid.feasible_points.members import is_member, members
 from setid.feasible_points.witness import consistent
 from setid.feasible_set.coordinates import Coordinates, coordinates_of
@@ -47,7 +47,7 @@ _HUGE = 1e100  # stands for errors that overflow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BestMember:
+class BestMember(NamedVector):
     """A consistent parameter vector, chosen by how well it simulates or predicts.
 
     Parameters
@@ -79,16 +79,8 @@ class BestMember:
     fit: Reals
     proved: bool
 
-    def __getitem__(self, name: str) -> float:
-        """A parameter by name."""
-        if name not in self.names:
-            raise SetidError(f"name: found {name!r}, expected one of {', '.join(self.names)}")
-        return float(self.theta[self.names.index(name)])
-
     def __str__(self) -> str:
-        pairs = zip(self.names, self.theta.tolist(), strict=True)
-        shown = ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
-        return f"{shown} (fit in {self.goal} {per_cent(self.fit)})"
+        return f"{NamedVector.__str__(self)} (fit in {self.goal} {per_cent(self.fit)})"
 
 
 def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.0) -> BestMember:

@@ -22,11 +22,29 @@ from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
-__all__ = ["Estimate", "l1", "least_squares", "linf", "recursive_least_squares"]
+__all__ = ["Estimate", "NamedVector", "l1", "least_squares", "linf", "recursive_least_squares"]
+
+
+class NamedVector:
+    """Base of parameter vectors whose entries are found by their names."""
+
+    __slots__ = ()
+    names: tuple[str, ...]
+    theta: NDArray[np.float64]
+
+    def __getitem__(self, name: str) -> float:
+        """A parameter by name."""
+        if name not in self.names:
+            raise SetidError(f"name: found {name!r}, expected one of {', '.join(self.names)}")
+        return float(self.theta[self.names.index(name)])
+
+    def __str__(self) -> str:
+        pairs = zip(self.names, self.theta.tolist(), strict=True)
+        return ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+class Estimate(NamedVector):
     """A parameter vector and what it minimises.
 
     Parameters
@@ -56,16 +74,6 @@ class Estimate:
     residuals: NDArray[np.float64]
     row: NDArray[np.int64]
     history: NDArray[np.float64] | None = None
-
-    def __getitem__(self, name: str) -> float:
-        """A parameter by name."""
-        if name not in self.names:
-            raise SetidError(f"name: found {name!r}, expected one of {', '.join(self.names)}")
-        return float(self.theta[self.names.index(name)])
-
-    def __str__(self) -> str:
-        pairs = zip(self.names, self.theta.tolist(), strict=True)
-        return ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
 
 
 def least_squares(data: IOData, model: Structure) -> Estimate:

@@ -29,6 +29,7 @@ __all__ = [
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+_POINTS = 60  # of a grid of frequencies
 
 
 def transfer_of(model: Structure, output: int, input: int) -> Transfer:
@@ -50,15 +51,14 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
     return found
 
 
-def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool = False) -> Reals:
+def grid(omega: ArrayLike | None, Ts: float, continuous: bool = False) -> Reals:
     """Choose angular frequencies in rad per unit of time, up to the Nyquist frequency.
 
     Parameters
     ----------
     omega : array_like (F,) or None
-        Checked where given; a grid of ``points`` otherwise.
+        Checked where given; a grid otherwise.
     Ts : float
-    points : int
     continuous : bool
         Models in continuous time, which also respond beyond the Nyquist frequency.
 
@@ -69,7 +69,7 @@ def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool 
     """
     top = np.pi / Ts
     if omega is None:
-        return np.geomspace(top / 500.0, top, points)
+        return np.geomspace(top / 500.0, top, _POINTS)
     values = np.atleast_1d(real_array(omega, "omega", SetidError))
     if values.ndim != 1 or not values.size or not np.all((values > 0) & np.isfinite(values)):
         raise SetidError(f"omega: found {values.tolist()!r:.60}, expected finite frequencies > 0")

@@ -172,7 +172,7 @@ class TurnsApart:
         yield from self._taken(done)
 
     def close(self) -> Iterator[tuple[int, Turn]]:
-        """Cancel the turns that did not begin, give up those under way, and yield the others."""
+        """Cancel turns that did not begin; yield those that have ended, give up the others."""
         done = [job for job in self.running if not job.cancel() and job.done()]
         yield from self._taken(done)
         self.running.clear()

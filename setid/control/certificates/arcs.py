@@ -61,7 +61,6 @@ def zero_free(
     found: ParameterSet,
     family: Family,
     reference: Reals,
-    arcs: Sequence[Arc] | None = None,
     hint: Sequence[float] = (),
     until: float = inf,
 ) -> list[float]:
@@ -75,8 +74,6 @@ def zero_free(
     found : ParameterSet
     family : Family
     reference : (p,) float
-    arcs : sequence of (centre, half width), optional
-        All of [0, pi] when left out.
     hint : sequence of float
         Frequencies that are looked at first.
     until : float
@@ -91,7 +88,7 @@ def zero_free(
     ----------
     J. Ackermann, Robust Control, 2nd ed. 2002, section 4.1 (zero exclusion).
     """
-    unproved, count = list(arcs or first_arcs()), 0
+    unproved, count = first_arcs(), 0
     if hint:
         known = _half_planes(found, family, reference, [(w, 0.0) for w in hint])
         if not np.all(known):

@@ -1,4 +1,4 @@
-"""What searches over cones do together with the workers of an executor."""
+"""Workers of an executor that examine cones together, for searches over cones."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Search with multipliers that vary over a cone of denominators.
 
-Best first, as in ``denominators.py``. Each vector of a cone has its own multiplier; together they
+Best first, as in ``best_first.py``. Each vector of a cone has its own multiplier; together they
 are a family, which follows the dual solution through the cone. What a family refutes falls short
 by second order in the width of the cone. The best family of a cone is the solution of a linear
 program, see ``linear_programs.py``. Where it does not reach the target, its dual solution tells

@@ -245,7 +245,7 @@ class LastLayer:
             verdict = _verify_set(part, item)
             if not verdict:
                 return verdict
-        wanted, status = _intervals(self.net, self.sets)
+        wanted, status = _intervals(self.sets)
         same = status is self.status and same_intervals(self.intervals, wanted)
         return agreed((same, "the intervals are not those of the sets"))
 
@@ -313,7 +313,7 @@ def last_layer(
     if noise.constraints:
         assumptions.append("constraints of the noise are not used: the intervals hold without them")
     sets = tuple(_solve(part) for part in _rows(net, data, noise))
-    intervals, status = _intervals(net, sets)
+    intervals, status = _intervals(sets)
     return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), (*assumptions,))
 
 
@@ -495,7 +495,7 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
 
 
 def _intervals(
-    net: RegressorNetwork, sets: tuple[OutputSet, ...]
+    sets: tuple[OutputSet, ...],
 ) -> tuple[dict[str, ParameterInterval], Status]:
     """Intervals with their names, and what they are worth together."""
     found: dict[str, ParameterInterval] = {}

@@ -25,6 +25,7 @@ class StateNetwork:
     """Base of the models with a state: simulation from x0, and prediction by it."""
 
     __slots__ = ()
+    output: Network
 
     @property
     def states(self) -> int:
@@ -39,7 +40,7 @@ class StateNetwork:
     @property
     def outputs(self) -> int:
         """Number of outputs."""
-        raise NotImplementedError
+        return self.output.outputs
 
     def step(self, x: Reals, u: Reals) -> tuple[Reals, Reals]:
         """Return the next state and the output of this sample, in floating point."""
@@ -207,11 +208,6 @@ class Elman(StateNetwork):
         return self.layers[0][0].shape[1]
 
     @property
-    def outputs(self) -> int:
-        """Number of outputs."""
-        return self.output.outputs
-
-    @property
     def parameters(self) -> int:
         """Number of weights and biases."""
         return sum(_count(*layer) for layer in self.layers) + self.output.parameters
@@ -283,11 +279,6 @@ class NeuralStateSpace(StateNetwork):
     def channels(self) -> int:
         """Number of inputs."""
         return self.transition.inputs - self.states
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs."""
-        return self.output.outputs
 
     @property
     def parameters(self) -> int:
@@ -367,11 +358,6 @@ class LSTM(StateNetwork):
     def channels(self) -> int:
         """Number of inputs."""
         return self.gates[0][0].shape[1]
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs."""
-        return self.output.outputs
 
     @property
     def parameters(self) -> int:
@@ -462,11 +448,6 @@ class GRU(StateNetwork):
     def channels(self) -> int:
         """Number of inputs."""
         return self.gates[0][0].shape[1]
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs."""
-        return self.output.outputs
 
     @property
     def parameters(self) -> int:

@@ -158,7 +158,7 @@ def test_a_zero_on_the_circle_is_never_excluded() -> None:
 def test_stable_denominators_are_free_of_zeros() -> None:
     found, _ = narrow()
     family = Family(np.array([1.0, 0, 0]), np.array([[0] * 4, [1.0, 0, 0, 0], [0, 1.0, 0, 0]]))
-    assert zero_free(found, family, found.centre, first_arcs(7)) == []
+    assert zero_free(found, family, found.centre) == []
 
 
 def test_bounds_on_arcs_keep_a_deadline_and_stay_bounds() -> None:
