@@ -123,10 +123,10 @@ def consistency(
 
     Notes
     -----
-    For equation errors this is a linear program and settled exactly. Otherwise emptiness of
-    boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
-    small as the rounding of the readings is not resolved further. Long records of noisy outputs
-    are bounded from below by cones of denominators, which need no box of the parameters.
+    For equation errors this is a linear program, settled exactly if time allows. Otherwise
+    emptiness of boxes gives a first bound, and the factor is an unknown that the engine minimises.
+    Noise as small as the rounding of the readings is not resolved further. Long records of noisy
+    outputs are bounded from below by cones of denominators, which need no box of the parameters.
     A discretisation error bound ``delta`` of a continuous-time model counts as output noise: the
     factor multiplies the noise bounds and ``delta`` together.
     Of several denominators with an offset the rows have the offset of the equation in place of that

@@ -172,13 +172,16 @@ class TurnsApart:
         yield from self._taken(done)
 
     def close(self) -> Iterator[tuple[int, Turn]]:
-        """Cancel turns that did not begin; yield those that have ended, give up the others."""
+        """Cancel the turns that did not begin, and yield those that have ended.
+
+        Others are given up.
+        """
         done = [job for job in self.running if not job.cancel() and job.done()]
         yield from self._taken(done)
         self.running.clear()
 
     def _taken(self, done: Iterable[Future[Timed[bytes]]]) -> Iterator[tuple[int, Turn]]:
-        """Take turns that have ended, one by one: an interrupt leaves the others where they are."""
+        """Take ended turns one by one: an interrupt leaves the others in place."""
         for job in done:
             number, old = self.running.pop(job)
             # executors of other packages raise exceptions that share no base below Exception
