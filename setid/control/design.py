@@ -44,6 +44,7 @@ from setid.control.references import (
     Matching,
     check_matching,
     closed_loop,
+    gain_of_one,
     loop_function,
     with_unit_gain,
 )
@@ -57,6 +58,10 @@ __all__ = ["Design", "Refuted", "design"]
 
 Reals = NDArray[np.float64]
 _MEMBERS = "raise the order, change the reference model, or raise the noise bound"
+_TAKEN = (
+    "the reference model is what the closed loop is to be on this experiment",
+    "the target signal M / (1 - M) r is that of the doubles next to it",
+)
 _SECONDS = 30.0  # for the engine, where options say nothing
 
 
@@ -377,7 +382,8 @@ def design(
             f"controller: found {controller!r:.60}, expected an object such as LTI(3) or PID()"
         )
     bound = _input_noise(noise)
-    reference = _checked(data, reference_model)
+    reference, missed = with_unit_gain(_checked(data, reference_model))
+    taken = (*_TAKEN, gain_of_one(missed)) if missed else _TAKEN
     if options is not None and not isinstance(options, Options):
         raise ModelError(f"options: found {type(options).__name__}, expected setid.Options")
     settings = options or Options(time_limit=_SECONDS, progress=False)
@@ -386,7 +392,7 @@ def design(
     orders = controller.orders or (None,)
     for order in orders:
         fixed = controller.fixed(data.Ts, order)
-        found = _one(data, reference, fixed, bound, known, settings, tuple(refuted))
+        found = _one(data, reference, fixed, bound, known, settings, tuple(refuted), taken)
         if not found.empty or order is None:
             return found
         refuted.append(Refuted(order, found.result))
@@ -422,7 +428,7 @@ def _checked(data: IOData, reference_model: Any) -> Transfer:
         raise DataError("data.u: found missing samples, expected all of them")
     reference = as_transfer(reference_model, data.Ts, "reference_model")
     loop_function(reference)
-    return with_unit_gain(reference)[0]
+    return reference
 
 
 def _one(
@@ -433,6 +439,7 @@ def _one(
     priors: tuple[Prior, ...],
     settings: Options,
     refuted: tuple[Refuted, ...],
+    taken: tuple[str, ...],
 ) -> Design:
     """One order: the set by sums of rows, then by the engine."""
     begin = time.process_time()
@@ -446,10 +453,7 @@ def _one(
         data.y,
         simulate_exactly(filtered, signal),
         data.Ts,
-        assumptions=(
-            *data.assumptions,
-            "the reference model is what the closed loop is to be on this experiment",
-        ),
+        assumptions=(*data.assumptions, *taken),
         u_range=data.y_range,
     )
     found = None

@@ -79,20 +79,25 @@ def target_signal(M: Any, r: ArrayLike) -> Reals:
 
 
 def with_unit_gain(M: Transfer, tolerance: float = _NEARLY_ONE) -> tuple[Transfer, float]:
-    """Correct M to a static gain of exactly 1 where nearly so; return the correction.
+    """Correct M to a static gain of exactly 1 where nearly so; return what 1 - M was there.
 
     Parameters
     ----------
     M : Transfer
     tolerance : float
-        Largest D(1) - N(1), relative to the sum of abs(D), that is made zero, in the last
-        numerator coefficient.
+        Largest abs(1 - M) at z = 1 that is made zero, in the last numerator coefficient.
     """
-    rest = sum(M.denominator, Fraction(0)) - sum(M.numerator, Fraction(0))
-    size = sum(abs(c) for c in M.denominator)
-    if not rest or abs(rest) > Fraction(tolerance) * size:
+    below = sum(M.denominator, Fraction(0))
+    rest = below - sum(M.numerator, Fraction(0))
+    if not rest or abs(rest) > Fraction(tolerance) * abs(below):
         return M, 0.0
-    return Transfer([*M.numerator[:-1], M.numerator[-1] + rest], M.denominator, M.Ts), float(rest)
+    moved = Transfer([*M.numerator[:-1], M.numerator[-1] + rest], M.denominator, M.Ts)
+    return moved, float(rest / below)
+
+
+def gain_of_one(missed: float) -> str:
+    """Say that a static gain was taken as exactly 1."""
+    return f"the reference model's static gain is exactly 1 (1 - M was {missed:.3g} there)"
 
 
 def loop_function(M: Transfer) -> Transfer:
@@ -244,7 +249,9 @@ def reference_model(
     """Make a reference model of first or second order from its step response.
 
     Without overshoot it is 1 / (1 + s / p), else wn^2 / (s^2 + 2 z wn s + wn^2), sampled with
-    zero-order hold. It is the slowest one that keeps every limit that is given.
+    zero-order hold. It is the slowest one that keeps every limit that is given. Limits are those of
+    the response before ``delay`` and ``zeros`` are put in: a delay adds as much to the settling
+    time, and zeros outside the unit circle add undershoot, and may add overshoot.
 
     Parameters
     ----------

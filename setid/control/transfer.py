@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import frexp
 from typing import Any
 
 import numpy as np
@@ -215,7 +216,7 @@ class Transfer:
         Parameters
         ----------
         tolerance : float
-            Largest abs(D(1)) that counts as zero, as a fraction of the sum of abs(D).
+            Largest distance from 1: of abs(D(1) / Q(1)), which it is up to second order.
 
         Returns
         -------
@@ -227,14 +228,13 @@ class Transfer:
         """
         if not 0.0 <= number(tolerance, "tolerance", ModelError) < 1.0:
             raise ModelError(f"tolerance: found {tolerance!r}, expected a fraction in [0, 1)")
-        rest = sum(self.denominator, Fraction(0))
-        size = sum(abs(c) for c in self.denominator)
-        if rest == 0 or abs(rest) > Fraction(tolerance) * size or len(self.denominator) < 2:
+        quotient, rest = [], Fraction(0)
+        for c in self.denominator:
+            rest += c
+            quotient.append(rest)
+        quotient.pop()
+        if rest == 0 or abs(rest) > Fraction(tolerance) * abs(sum(quotient, Fraction(0))):
             return self, 0.0
-        quotient, total = [], Fraction(0)
-        for c in self.denominator[:-1]:
-            total += c
-            quotient.append(total)
         below = times(tuple(quotient), (Fraction(1), Fraction(-1)))
         return Transfer(self.numerator, below, self.Ts), float(rest)
 
@@ -319,7 +319,9 @@ def _of_control(given: Any, step: float, field: str) -> Transfer:
 
 
 def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64]:
-    """Simulate from rest in 240-bit fixed point; each output is rounded once, at the end.
+    """Simulate from rest in fixed point; each output is rounded once, at the end.
+
+    The point is 240 bits below the largest input.
 
     Parameters
     ----------
@@ -329,18 +331,20 @@ def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64
     Returns
     -------
     (N,) float
-        Within one unit in the last place as long as no output exceeds 2^60 times the input.
+        Within one unit in the last place, or 2^-180 of the largest input, as long as no output
+        exceeds 2^60 times that.
     """
     one = 1 << _BITS
+    unit = Fraction(2) ** frexp(max(map(abs, u), default=0.0))[1]
     top = [round(c * one) for c in system.numerator]
     below = [round(c * one) for c in system.denominator]
-    inputs = [round(Fraction(float(value)) * one) for value in u]
+    inputs = [round(Fraction(float(value)) / unit * one) for value in u]
     found: list[int] = []
     for k in range(len(inputs)):
         total = sum(c * inputs[k - i] for i, c in enumerate(top) if i <= k)
         total -= sum(c * found[k - i] for i, c in enumerate(below) if 0 < i <= k)
         found.append(total >> _BITS)
-    return np.array([float(Fraction(value, one)) for value in found])
+    return np.array([float(Fraction(value, one) * unit) for value in found])
 
 
 # ---- polynomials ------------------------------------------------------------------------

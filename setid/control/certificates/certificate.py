@@ -37,7 +37,7 @@ from setid.control.parameters.parameter_set import (
     identified,
     tightened,
 )
-from setid.control.references import with_unit_gain
+from setid.control.references import gain_of_one, with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
 from setid.data.digits import all_digits
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -327,7 +327,7 @@ def _known(K: Any, M: Any, Ts: float, snap: float) -> tuple[Transfer, Transfer, 
     reference = as_transfer(M, Ts, "M").reduced()
     reference, gain = with_unit_gain(reference, snap)
     if gain:
-        texts.append(f"the reference model's static gain is exactly 1 (1 - M was {gain:.3g} there)")
+        texts.append(gain_of_one(gain))
     return controller, reference, tuple(texts)
 
 

@@ -80,10 +80,31 @@ def test_the_integrator_cancels_exactly() -> None:
 
 
 def test_a_pole_near_one_moves_to_one_and_the_remainder_is_told() -> None:
-    K = control.Transfer([1.0], [1.0, -1.9999, 0.99990001])
+    K = control.Transfer([1.0], np.poly([1.0 - 1e-7, 0.9]))
     moved, rest = K.snapped(1e-6)
     assert moved.integrators == 1 and rest == pytest.approx(1e-8)
-    assert K.snapped(1e-10) == (K, 0.0)
+    assert max(abs(np.roots([float(c) for c in moved.denominator]) - [1.0, 0.9])) < 1e-5
+    assert K.snapped(1e-8) == (K, 0.0)
+
+
+@pytest.mark.parametrize(("pole", "times"), [(0.95, 5), (0.97, 4), (0.99, 3), (0.9985, 2)])
+def test_several_poles_on_the_way_to_one_stay(pole: float, times: int) -> None:
+    """D(1) is the product of their distances from 1: small, with no pole near 1."""
+    K = control.Transfer([1.0], np.poly([pole] * times))
+    assert abs(float(sum(K.denominator))) < 1e-6 * float(sum(map(abs, K.denominator)))
+    assert K.snapped(1e-6) == (K, 0.0)
+
+
+def test_a_gain_of_a_half_is_not_one() -> None:
+    """Four slow poles: D(1) is small, and N(1) half of it."""
+    lags = np.poly([0.995] * 4)
+    M = control.Transfer([0, 0, 0, 0.5 * float(sum(map(Fraction, lags)))], lags)
+    assert float(M.static_gain) == pytest.approx(0.5)
+    K = control.ideal_controller(([0, 1.0], [1.0]), M)
+    assert K.integrators == 0
+    r = np.ones(200)
+    loop = [float(v) for v in (M / (1 - M)).simulate(r)]
+    np.testing.assert_allclose(control.target_signal(M, r), loop, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -100,6 +121,13 @@ def test_exact_simulation_agrees_with_doubles() -> None:
     r = np.random.default_rng(1).uniform(-1, 1, 50)
     M = control.Transfer(*NOTES_P)
     np.testing.assert_allclose(simulate_exactly(M, r.tolist()), M.simulate(r), atol=1e-13)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-72, 1.0, 1e200])
+def test_exact_simulation_keeps_the_units_of_its_input(size: float) -> None:
+    """Halves: each output is a double."""
+    found = simulate_exactly(control.Transfer([0, 0.5], [1, -0.5]), [size, 0.0, size, 0.0])
+    assert found.tolist() == [0.0, 0.5 * size, 0.25 * size, 0.625 * size]
 
 
 def test_exact_simulation_keeps_an_integrator() -> None:
