@@ -171,7 +171,7 @@ def _options(given: dict[str, Any], timelimit: float | None) -> sp.Options:
                 f"options: found {name!r}, expected fields of sparsepop_py.Options"
             )
     if timelimit is not None:
-        given["time_limit"] = float(timelimit)
+        given["time_limit"] = timelimit
     given.setdefault("effort", "auto")
     if not {"time_limit", "cpu_limit", "work_limit"} & set(given):
         given["time_limit"] = _SECONDS

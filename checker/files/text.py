@@ -17,7 +17,8 @@ from .reading import Constraint, Malformed, Problem
 
 TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
-    r"|(?P<name>[A-Za-z_]\w*(?:\[[^\]]*\])?)|(?P<mark>\*\*|[-+*/^()]))"
+    r"|(?P<name>[A-Za-z_]\w*(?:\[[^\]]*\])?)|(?P<mark>\*\*|[-+*/^()]))",
+    re.A,  # a superscript is no letter of a name
 )
 RELATION = re.compile(r"(>=|<=|==|=[gleGLE]=|=)")
 BREAK = re.compile(r";|(?=\bs\.\s*t\.)|(?=\bsubject\s+to\b)", re.I)

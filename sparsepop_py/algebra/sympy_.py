@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -26,7 +27,8 @@ Reader = Callable[[Any, list[Any], list[str], str], Polynomial | Rational]
 
 
 def _is_symbolic(item: Any) -> bool:
-    return type(item).__module__.partition(".")[0] == "sympy"
+    package = (type(item).__module__ or "").partition(".")[0]  # none for applied functions
+    return package == "sympy" or hasattr(item, "free_symbols")
 
 
 def convert(
@@ -95,7 +97,7 @@ def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: s
     floats = {number: sympy.Rational(number) for number in expression.atoms(sympy.Float)}
     try:
         terms = sympy.Poly(expression.xreplace(floats), *symbols)  # multiplied out exactly
-    except (sympy.PolynomialError, sympy.polys.polyerrors.CoercionFailed) as error:
+    except sympy.polys.polyerrors.BasePolynomialError as error:
         raise ProblemError(f"{where}: found {expression}, expected a polynomial: {error}") from None
     pairs = terms.terms() or [((0,) * len(symbols), 0)]
     exponents = np.array([powers for powers, _ in pairs], int)
@@ -105,6 +107,8 @@ def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: s
         raise ProblemError(f"{where}: found {expression}, expected real coefficients") from None
     words = monomials.from_exponents(sps.csr_array(exponents))
     exact = ExactTerms.of_fractions(words, coefficients, len(symbols))
+    if not all(value.is_Rational for value in terms.coeffs()):
+        exact = replace(exact, followed=False)  # some were rounded before
     return Polynomial._of_exact(exact, len(symbols), tuple(labels))
 
 

@@ -111,12 +111,23 @@ class Vocabulary:
 
 
 def tokenize(text: str, start: int = 0) -> list[Token]:
-    """Split ``text[start:]`` into tokens; relations are tokens too, spaces are left out."""
-    return [
+    """Split ``text[start:]`` into tokens; relations are tokens too, spaces are left out.
+
+    Raises
+    ------
+    ExpressionError
+        If a name holds a number that is no digit, as superscripts are.
+    """
+    found = [
         (match.lastgroup or "other", match.group(), match.start())
         for match in _TOKEN.finditer(text, start)
         if match.lastgroup != "space"
     ]
+    if not text.isascii():
+        for kind, word, place in found:
+            if kind == "name" and any(c.isnumeric() and not c.isdecimal() for c in word):
+                raise ExpressionError(repr(word), "x^2 for a power, and digits in names", place)
+    return found
 
 
 def names_in(tokens: Sequence[Token]) -> set[str]:
@@ -380,9 +391,9 @@ class _Parser:
         if isinstance(base, (int, Fraction)):
             return self.raised_number(base, exponent, position)
         if exponent < 0 or exponent % 1 != 0:
-            raise self.fail(
-                "a non-negative integer as exponent", f"the exponent {_near(exponent):g}", position
-            )
+            kind = DivisionError if exponent % 1 == 0 else ExpressionError
+            found = f"the exponent {_near(exponent):g}"
+            raise kind(found, "a non-negative integer as exponent", position)
         degree = len(base) if isinstance(base, tuple) else max(map(len, base))
         if degree * exponent > MAX_DEGREE:
             raise self.fail(

@@ -167,6 +167,7 @@ _RELATION = re.compile(r"=\s*([A-Za-z])\s*=")
 _DIRECTION = re.compile(rf"\b(mini|maxi)mi[sz]ing\s+({_NAME})", re.IGNORECASE)
 _KINDS = ("free", "positive", "negative", "binary", "integer")
 _BOUNDS = {"lo": ("lower",), "up": ("upper",), "fx": ("lower", "upper")}
+_NO_BOUNDS = {("lo", "-inf"): -np.inf, ("up", "inf"): np.inf, ("up", "+inf"): np.inf}
 _IGNORED = ("l", "m", "scale", "prior", "stage")
 
 
@@ -339,6 +340,11 @@ class _Reader:
             return
         if suffix not in _BOUNDS:
             raise statement.error(f"'.{suffix}'", ".lo, .up, .fx (or .l, .m, which are ignored)")
+        given = statement.text[match.end() :].strip().lower()
+        none = _NO_BOUNDS.get((suffix, given))
+        if none is not None:
+            setattr(variable, _BOUNDS[suffix][0], none)
+            return
         try:
             value = parse_exact_number(statement.text[match.end() :])
         except ExpressionError as error:
@@ -445,8 +451,11 @@ class _Reader:
     def check_typed(self, variables: list[_Variable], rows: dict[str, Row]) -> None:
         """Refuse names in, say, Positive Variables that no equation uses: likely misspelled."""
         used = {int(v) for row, _ in rows.values() for part in _parts(row) for v in part.support}
+        texts = " ".join(each.statement.text for each in self.definitions.values())
+        written = set(re.findall(r"\w+", texts.lower()))  # where its terms cancel as well
         for index, variable in enumerate(variables):
-            if not variable.listed and index not in used:
+            held = index in used or variable.name.lower() in written
+            if not variable.listed and not held:
                 raise variable.statement.error(
                     f"{variable.name!r}, which no Variables list and no equation holds",
                     "a declared variable",

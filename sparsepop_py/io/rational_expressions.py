@@ -25,6 +25,8 @@ from sparsepop_py.io.expressions import (
 
 __all__ = ["parse_rational", "split_outside"]
 
+_LARGEST = 10  # exponent of a ratio
+
 
 def split_outside(tokens: Sequence[Token], kind: str) -> list[list[Token]]:
     """Split before tokens of a kind that stand outside parentheses, between two operands.
@@ -136,6 +138,10 @@ def _factor(tokens: list[Token], vocabulary: Vocabulary) -> Polynomial | Rationa
         return _sum(base[1:-1], vocabulary)
     if not exponents and base[0][1].lower() == "sqr":
         return _raised(_sum(base[2:-1], vocabulary), [("number", "2", base[0][2])], base[0][2])
+    if not exponents and base[0][1].lower() == "power":
+        inside, *exponents = split_outside(base[2:-1], "comma")
+        if len(exponents) == 1:
+            return _raised(_sum(inside, vocabulary), exponents[0][1:], base[0][2])
     raise ExpressionError(
         repr(base[0][1]), "a ratio in parentheses, perhaps with one exponent", base[0][2]
     )
@@ -145,8 +151,11 @@ def _raised(
     base: Polynomial | Rational, exponent: list[Token], position: int
 ) -> Polynomial | Rational:
     power = parse_number(exponent)
-    if not isinstance(power, numbers.Real) or power % 1 != 0 or not 0 <= power <= 10:
+    if isinstance(base, Polynomial) and power % 1 == 0 and -_LARGEST <= power < 0:
+        below = base ** int(-power)
+        return _divided(0.0 * below + 1.0, below, position)
+    if not isinstance(power, numbers.Real) or power % 1 != 0 or not 0 <= power <= _LARGEST:
         raise ExpressionError(
-            f"the exponent {power:g} of a ratio", "an integer from 0 to 10", position
+            f"the exponent {power:g} of a ratio", f"an integer from 0 to {_LARGEST}", position
         )
     return base**power

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
@@ -144,13 +144,11 @@ def _statements(text: str) -> Iterator[_Statement]:
         begin = such_that.end() if such_that else 0
         aim = _OBJECTIVE.match(piece, begin)
         begin = aim.end() if aim else begin
-        statement = _Statement(
-            piece,
-            start,
-            line,
-            aim.group(1).lower() if aim else "",
-            tuple(tokenize(piece, begin)),
-        )
+        statement = _Statement(piece, start, line, aim.group(1).lower() if aim else "", ())
+        try:
+            statement = replace(statement, tokens=tuple(tokenize(piece, begin)))
+        except ExpressionError as error:
+            raise statement.error(error.found, error.expected, error.position) from None
         if not statement.tokens:
             raise statement.error("nothing after the keyword", "an expression", begin)
         yield statement

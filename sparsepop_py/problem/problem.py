@@ -11,7 +11,8 @@ import copy
 import hashlib
 import numbers
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import fields as fields_of
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
@@ -284,14 +285,26 @@ _OF_THE_SET = frozenset(
 
 
 def written(problem: Any) -> str:
-    """Write a problem, with or without ratios, for people."""
-    lines = [f"min {problem.objective}"]
-    lines += [f"  s.t. {constraint}" for constraint in problem.constraints]
+    """Write a problem, with or without ratios, for people, in its own names."""
+    lines = [f"min {_labelled(problem.objective, problem.names)}"]
+    lines += [f"  s.t. {_labelled(row, problem.names)}" for row in problem.constraints]
     for name, low, high in zip(problem.names, problem.lower, problem.upper, strict=True):
         if np.isfinite(low) or np.isfinite(high):
             lines.append(f"  {low:g} <= {name} <= {high:g}")
     lines += [f"  {record}" for record in problem.rounding]
     return "\n".join(lines)
+
+
+def _labelled(item: Any, names: tuple[str, ...]) -> Any:
+    """Give polynomials, ratios and constraints the names of a problem."""
+    if isinstance(item, Polynomial):
+        return item if item.names == names else item.within(len(names), names)
+    if isinstance(item, tuple):
+        return tuple(_labelled(part, names) for part in item)
+    if not is_dataclass(item) or isinstance(item, type):
+        return item
+    parts = {part.name: _labelled(getattr(item, part.name), names) for part in fields_of(item)}
+    return replace(item, **parts)
 
 
 def encoding(problem: Problem) -> bytes:

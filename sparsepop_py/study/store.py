@@ -10,6 +10,7 @@ when the process ends, however that happens.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -27,7 +28,9 @@ from sparsepop_py.files import as_path
 
 __all__ = ["Counts", "Entry", "Outcome", "Store"]
 
-_APPLICATION, _VERSION = 0x73705374, 1
+_APPLICATION, _VERSION = 0x73705374, 2
+_UNSEALED = 1  # the version whose rows carry no checksum; such a file stays as it is
+_SEAL = 16  # digits of a checksum
 _PATIENCE = 30.0  # seconds that a statement waits for another process to finish its own
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -140,9 +143,11 @@ class Store:
             if kind is not None and not _meta(db, self.path):
                 self._create(db, kind, columns)
             meta = _meta(db, self.path)
+            self._sealed = db.execute("PRAGMA user_version").fetchone()[0] != _UNSEALED
         if not meta:
             raise FormatError(f"{path}: found an empty file, expected a study")
-        self.kind, self.columns = meta["kind"], tuple(json.loads(meta["columns"]))
+        with _sound(self.path):
+            self.kind, self.columns = meta["kind"], tuple(json.loads(meta["columns"]))
         if kind not in (None, self.kind):
             raise FormatError(f"{path}: found a study of kind {self.kind!r}, expected {kind!r}")
 
@@ -280,7 +285,8 @@ class Store:
         with _translated(self.path), closing(self._open("rw")) as db:
 
             def record(task: int, found: Outcome) -> None:
-                values = found.state, found.rows, found.content, found.seconds, time.time()
+                rows = _seal(found.rows) + found.rows if self._sealed else found.rows
+                values = found.state, rows, found.content, found.seconds, time.time()
                 with _transaction(db):
                     db.execute(
                         "INSERT OR REPLACE INTO outcomes VALUES (?, ?, ?, ?, ?, ?)", (task, *values)
@@ -310,7 +316,17 @@ class Store:
             raise ProblemError(f"name: found {name!r}, expected a task of {self.path}")
         if row[0] is None:
             return None
-        return Outcome(str(row[0]), str(row[1]), _blob(row[2]), float(row[3]))
+        with _sound(self.path):
+            return Outcome(str(row[0]), self._unsealed(row[1]), _blob(row[2]), float(row[3]))
+
+    def _unsealed(self, rows: str) -> str:
+        """Take the checksum off what was stored."""
+        if not self._sealed:
+            return rows
+        text = rows[_SEAL:]
+        if rows[:_SEAL] != _seal(text):
+            raise ValueError("rows do not have their checksum")
+        return text
 
     def rows(self) -> list[tuple[str, dict[str, Any], str, list[dict[str, Any]], float | None]]:
         """List name, tags, state ("waiting" without outcome), rows and seconds of all tasks."""
@@ -320,10 +336,17 @@ class Store:
         )
         with _translated(self.path), closing(self._open("rw")) as db:
             found = db.execute(query).fetchall()
-        return [
-            (name, json.loads(tags), state or "waiting", json.loads(rows or "[]"), seconds)
-            for name, tags, state, rows, seconds in found
-        ]
+        with _sound(self.path):
+            return [
+                (
+                    name,
+                    json.loads(tags),
+                    state or "waiting",
+                    [] if state is None else json.loads(self._unsealed(rows)),
+                    seconds,
+                )
+                for name, tags, state, rows, seconds in found
+            ]
 
     def counts(self) -> Counts:
         """Count tasks and outcomes."""
@@ -354,13 +377,27 @@ def _meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
     if db.execute("PRAGMA application_id").fetchone()[0] != _APPLICATION:
         raise FormatError(f"{path}: found a database of another program, expected a study")
     version = db.execute("PRAGMA user_version").fetchone()[0]
-    if version != _VERSION:
+    if version not in (_UNSEALED, _VERSION):
         raise FormatError(f"{path}: found a study of version {version}, expected {_VERSION}")
     return dict(db.execute("SELECT key, value FROM meta"))
 
 
+def _seal(rows: str) -> str:
+    """Compute the checksum that stands before stored rows."""
+    return hashlib.sha256(rows.encode()).hexdigest()[:_SEAL]
+
+
 def _blob(found: Any) -> bytes:
     return bytes(found) if isinstance(found, bytes) else b""
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
+    """Turn errors of what was read into one that says that the file is damaged."""
+    try:
+        yield
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FormatError(f"{path}: found a damaged file: {error}") from error
 
 
 @contextmanager

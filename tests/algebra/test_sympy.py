@@ -51,6 +51,9 @@ def test_floats_keep_every_bit():
 def test_irrational_coefficients_are_rounded_to_nearest():
     problem = Problem(sympy.sqrt(2) * A + sympy.pi * B)
     assert read(problem.objective) == {(1, 0): float(np.sqrt(2.0)), (0, 1): float(np.pi)}
+    (record,) = problem.rounding
+    assert record.place == "objective" and "by an unknown amount" in str(record)
+    assert not Problem(A / 4 + 3 * B).rounding
 
 
 def test_relations_become_constraints_of_the_right_sign():
@@ -106,6 +109,8 @@ def test_a_number_is_an_objective_beside_sympy_rows():
         (A, [A + B], None, "constraints[0]: found a + b"),
         (A + B, [], ["a"], "names: sympy symbols b are not among the names"),
         (sympy.Integer(3), [], None, "objective: found no symbol"),
+        (sympy.Function("f")(A), [], None, "objective: found f(a), expected a polynomial"),
+        (sympy.Symbol("c", commutative=False) * A, [], None, "non-commutative generators"),
     ],
 )
 def test_what_is_no_polynomial_problem_is_refused(objective, rows, names, message):

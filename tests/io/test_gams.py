@@ -155,6 +155,27 @@ def test_kinds_and_bounds(read) -> None:
     ]
 
 
+def test_infinite_bounds_are_none(read) -> None:
+    problem = read(file("e1.. x =E= objvar; e2.. y =G= 0; x.lo = -inf; x.up = +INF; y.up = inf;"))
+    assert problem.lower[0] == -np.inf and problem.upper[:2].tolist() == [np.inf, np.inf]
+
+
+def test_typed_variables_whose_terms_cancel_are_used(read) -> None:
+    text = "Variables x,objvar; Positive Variables z; Equations o; o.. x + z - z =E= objvar;"
+    assert read(text).names == ("x", "z")
+
+
+def test_negative_exponents_are_ratios(read) -> None:
+    problem = read(file("e1.. power(x/y,2) + x**(-2) + 3*power(y,-1) =E= objvar; e2.. y =G= 1;"))
+    assert str(problem.objective) == "(x^2)/(y^2) + (1)/(x^2) + (3)/(y)"
+
+
+def test_an_integer_without_room_is_named(read) -> None:
+    text = "Variables x,objvar; Integer Variables x; Equations o; o.. x =E= objvar;"
+    with pytest.raises(sp.ProblemError, match=r"x: found no integer between its bounds 0\.5, 0\.7"):
+        read(text + " x.lo = 0.5; x.up = 0.7;")
+
+
 def test_explicit_bounds_win_whatever_the_order(read) -> None:
     body = "e1.. x =E= objvar; e2.. y =G= 0; x.lo = -3;\nPositive Variables x;"
     assert read(file(body)).lower[0] == -3

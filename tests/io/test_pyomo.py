@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 import sparsepop_py as sp
 
 pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
+network = pytest.importorskip("pyomo.network", reason="Pyomo is the optional extra pyomo")
 
 
 def small() -> Any:
@@ -154,6 +156,37 @@ def test_without_an_objective_a_feasible_point_is_found() -> None:
     assert model.x[1].value ** 2 + model.x[2].value ** 2 == pytest.approx(1)
 
 
+def unexpanded(model: Any) -> None:
+    """Two ports that an arc makes equal once it is expanded."""
+    model.p, model.q = network.Port(), network.Port()
+    model.p.add(model.x[1], "flow")
+    model.q.add(model.x[2], "flow")
+    model.wire = network.Arc(source=model.p, destination=model.q)
+
+
+def test_arcs_that_were_expanded_are_rows() -> None:
+    model = small()
+    unexpanded(model)
+    pyo.TransformationFactory("network.expand_arcs").apply_to(model)
+    rows = [str(row) for row in sp.from_pyomo(model).constraints]
+    assert any("flow" in row and row.endswith("== 0") for row in rows)
+
+
+def test_numbers_that_no_double_holds_are_rounded_once_and_said() -> None:
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(bounds=(0, 2**53 + 1))
+    model.p = pyo.Param(initialize=0.1, mutable=True)
+    model.cost = pyo.Objective(expr=(2**53 + 1) * model.x + model.p * 3 * model.x + model.p**2)
+    problem = sp.from_pyomo(model)
+    slope = 2**53 + 1 + 3 * Fraction(0.1)
+    assert problem.objective.coefficients.tolist() == [float(Fraction(0.1) ** 2), float(slope)]
+    assert {record.place for record in problem.rounding} == {"objective", "upper"}
+    model.y = pyo.Var(domain=pyo.Integers, bounds=(2**53, 2**53 + 2))
+    model.more = pyo.Constraint(expr=model.y >= model.x)
+    with pytest.raises(sp.ProblemError, match="expected none beyond 2\\^53"):
+        sp.from_pyomo(model)
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -177,11 +210,26 @@ def test_without_an_objective_a_feasible_point_is_found() -> None:
             lambda m: m.add_component("s", pyo.SOSConstraint(var=m.x, sos=1)),
             "s: found a SOSConstraint",
         ),
+        (
+            lambda m: m.add_component("c", pyo.Constraint(expr=m.x[1] / m.zero <= 1)),
+            "constraint c: found .*expected a polynomial",
+        ),
+        (
+            lambda m: m.add_component("c", pyo.Constraint(expr=m.x[1] * m.zero**-1 <= 1)),
+            "constraint c: found .*expected a polynomial",
+        ),
+        (
+            lambda m: m.add_component("c", pyo.Constraint(expr=m.x[1] * m.large**2 <= 1)),
+            "expected a finite number",
+        ),
+        (unexpanded, "wire: found a Arc"),
         (lambda m: setattr(m.x[1], "domain", pyo.Integers), r"x\[1\]: found an integer variable"),
     ],
 )
 def test_what_has_no_polynomial_form_is_refused_by_name(spoil: Any, message: str) -> None:
     model = small()
+    model.zero = pyo.Param(initialize=0.0, mutable=True)
+    model.large = pyo.Param(initialize=1e200, mutable=True)
     spoil(model)
     with pytest.raises(sp.ProblemError, match=message):
         sp.from_pyomo(model)
@@ -194,6 +242,8 @@ def test_wrong_models_and_options() -> None:
         sp.from_pyomo(pyo.AbstractModel())
     with pytest.raises(sp.ProblemError, match="no variable"):
         sp.from_pyomo(pyo.ConcreteModel())
+    with pytest.raises(sp.ProblemError, match="time_limit: found 'abc'"):
+        pyo.SolverFactory("sparsepop").solve(small(), timelimit="abc")
     with pytest.raises(sp.ProblemError, match="options: found 'iterations'"):
         pyo.SolverFactory("sparsepop").solve(small(), options={"iterations": 3})
 

@@ -75,7 +75,7 @@ def test_expressions(text: str, expected: dict[tuple[int, ...], float]) -> None:
         ("min x1/x2 + exp(x1)", "function 'exp'"),
         ("min x1/0", "division by zero"),
         ("min x1^0.5", "exponent 0.5, expected a non-negative integer"),
-        ("min x1^(-1)", "exponent -1, expected a non-negative integer"),
+        ("min x1^(-1.5)", "exponent -1.5, expected a non-negative integer"),
         ("min x1^x2", "exponent with variables, expected a number"),
         ("min x1^2^3", "second exponent, expected parentheses"),
         ("min x1^1001", "degree 1001, expected at most degree 1000"),
@@ -294,3 +294,13 @@ def test_lines_are_counted_once_for_all_statements() -> None:
 def test_numbers_in_names_may_be_long_and_equal() -> None:
     long = "x" + "1" * 5000
     assert parse(f"min {long} + x2 + x02 + x01 + x1").names == ("x01", "x1", "x02", "x2", long)
+
+
+@pytest.mark.parametrize("text", ["min x² - 2*x; s.t. 0 <= x <= 5", "min x*½", "min y + x³1"])
+def test_numbers_that_are_no_digits_are_part_of_no_name(text: str) -> None:
+    with pytest.raises(sp.FormatError, match="line 1.*expected x\\^2 for a power"):
+        sp.parse(text)
+
+
+def test_letters_of_all_languages_are_part_of_names() -> None:
+    assert sp.parse("min größe2 + x٢; s.t. größe2 >= 1; x٢ >= 0").names == ("größe2", "x٢")

@@ -347,3 +347,22 @@ def test_a_field_of_a_problem_can_be_replaced() -> None:
     new = replace(old, objective=0.1 * x * 0.1)
     assert new.constraints == old.constraints and new.objective.degree == 1
     assert [record.place for record in new.rounding] == ["objective"]
+
+
+def test_problems_are_written_in_their_own_names():
+    """Names of a problem are its own, not those that its polynomials were made with."""
+    x, y = sp.variables(2)
+    rows = [x >= 1, sp.second_order(2, x, y), sp.psd([[1, x * y], [x * y, 1]])]
+    text = str(sp.Problem(x - 2 * y, rows, names=["b", "a"]))
+    assert text.splitlines() == [
+        "min b - 2*a",
+        "  s.t. -1 + b >= 0",
+        "  s.t. second_order(2, b, a)",
+        "  s.t. psd([[1, b*a], [b*a, 1]])",
+    ]
+    again = sp.from_json(sp.to_json(sp.parse("min x2^2 - 3*x1; s.t. x2/(1 + x1^2) >= 1; x1 <= 2")))
+    assert str(again).splitlines() == [
+        "min -3*x1 + x2^2",
+        "  s.t. 2 - x1 >= 0",
+        "  s.t. (-1 + x2 - x1^2)/(1 + x1^2) >= 0",
+    ]

@@ -286,6 +286,35 @@ def test_a_result_that_claims_too_much_is_refused(tmp_path: Path) -> None:
         study.result("centre 1")
 
 
+def test_rows_that_were_changed_are_refused(tmp_path: Path) -> None:
+    """One digit of a bound in the table, which no certificate holds."""
+    study = squares(tmp_path / "squares.study", (1,))
+    study.run()
+    db = sqlite3.connect(study.path)
+    (text,) = db.execute("SELECT rows FROM outcomes").fetchone()
+    with db:
+        db.execute("UPDATE outcomes SET rows = ?", (text.replace("4", "3", 1),))
+    db.close()
+    with pytest.raises(FormatError, match=r"squares\.study: found a damaged file"):
+        study.table()
+
+
+def test_studies_of_the_first_version_are_read_and_go_on(tmp_path: Path) -> None:
+    """They have rows without checksums."""
+    study = squares(tmp_path / "squares.study", (1,))
+    study.run()
+    table = study.table()
+    db = sqlite3.connect(study.path)
+    with db:
+        db.execute("UPDATE outcomes SET rows = substr(rows, 17)")
+        db.execute("PRAGMA user_version = 1")
+    db.close()
+    study = squares(tmp_path / "squares.study", (1, 2))
+    assert [row for row in study.table() if row["status"] != "waiting"] == [*table]
+    study.run()
+    assert len(sp.Study(study.path).table()) == 2 * len(table)
+
+
 def write(study: sp.Study, content: bytes) -> None:
     db = sqlite3.connect(study.path)
     db.execute("UPDATE outcomes SET content = ?", (content,))

@@ -93,14 +93,19 @@ def between(body: Polynomial, low: float, high: float, name: str) -> Iterator[Co
 
 def _bits(name: str, low: float, high: float) -> int:
     """Count the bits that hold the distance from the lower bound, 0 for a binary."""
+    ends = f"{float(low):g}, {float(high):g}"
     if not math.isfinite(low) or not math.isfinite(high) or high - low >= 2**_MOST_BITS:
         raise ProblemError(
-            f"{name}: found an integer variable with bounds {low:g}, {high:g}, expected two "
-            f"bounds less than 2^{_MOST_BITS} apart"
+            f"{name}: found an integer variable with bounds {ends}, expected two bounds less "
+            f"than 2^{_MOST_BITS} apart"
         )
     least, most = math.ceil(low), math.floor(high)
     if least > most:
-        raise ProblemError(f"{name}: found no integer between its bounds {low:g}, {high:g}")
+        raise ProblemError(f"{name}: found no integer between its bounds {ends}")
+    if max(-least, most) > 2**53:
+        raise ProblemError(
+            f"{name}: found an integer variable with bounds {ends}, expected none beyond 2^53"
+        )
     return 0 if (least, most) == (0, 1) else (most - least).bit_length()
 
 

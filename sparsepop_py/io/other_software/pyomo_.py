@@ -10,9 +10,11 @@ import math
 import operator
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from types import ModuleType
 from typing import Any
 
+from sparsepop_py.algebra.exact_terms import exact_fraction
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial, total, variables
 from sparsepop_py.errors import ProblemError, SolverNotFound
 from sparsepop_py.io.other_software.integers import problem_with_integers
@@ -21,7 +23,10 @@ from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["PyomoModel", "from_pyomo", "read_pyomo", "require_pyomo"]
 
-_REFUSED = "SOSConstraint Disjunct Disjunction LogicalConstraint Complementarity".split()
+_KNOWN = frozenset(  # kinds of active components that say nothing beside rows and objective
+    "Block BooleanVar BuildAction BuildCheck Constraint ContinuousSet Expression ExternalFunction "
+    "Objective Param Port RangeSet Set SetOf Suffix Var".split()
+)
 
 
 def require_pyomo() -> ModuleType:
@@ -112,8 +117,8 @@ def read_pyomo(model: Any) -> PyomoModel:
     walk = _reader({id(variable): p for variable, p in zip(used, x, strict=True)}, environ)
     constraints = [row for each in rows for row in _rows(each, walk, x[0], environ)]
     cost, sense = _cost(objective, walk, x[0], environ)
-    low = [_bound(variable, variable.lb, -math.inf) for variable in used]
-    high = [_bound(variable, variable.ub, math.inf) for variable in used]
+    low: list[Any] = [_bound(variable, variable.lb, -math.inf) for variable in used]
+    high: list[Any] = [_bound(variable, variable.ub, math.inf) for variable in used]
     whole = [v for v, variable in enumerate(used) if variable.is_integer()]
     names = [variable.name for variable in used]
     if all(isinstance(item, (Polynomial, Constraint)) for item in (cost, *constraints)):
@@ -147,7 +152,7 @@ def _check_model(model: Any, environ: ModuleType) -> None:
     for block in model.block_data_objects(active=True, descend_into=environ.Block):
         for component in block.component_objects(active=True, descend_into=False):
             kind = getattr(component.ctype, "__name__", "")
-            if kind in _REFUSED:
+            if kind not in _KNOWN:
                 raise ProblemError(
                     f"{component.name}: found a {kind}, expected variables, constraints and an "
                     "objective that are polynomial"
@@ -189,12 +194,13 @@ def _check_domains(used: Iterable[Any]) -> None:
             )
 
 
-def _bound(variable: Any, bound: Any, otherwise: float) -> float:
+def _bound(variable: Any, bound: Any, otherwise: float) -> float | Fraction:
     if bound is None:
         return otherwise
     if math.isnan(bound):
         raise ProblemError(f"{variable.name}: found a bound that is not a number")
-    return float(bound)
+    infinite = isinstance(bound, float) and math.isinf(bound)
+    return bound if infinite else _number(bound, variable.name)
 
 
 def _rows(
@@ -246,7 +252,7 @@ def _reader(known: dict[int, Polynomial], environ: ModuleType) -> Callable[[Any,
     def node(expression: Any, parts: list[Any]) -> Any:
         try:
             return _combine(expression, parts)
-        except (TypeError, NotImplementedError, ProblemError) as error:
+        except (TypeError, NotImplementedError, ArithmeticError, ProblemError) as error:
             raise ProblemError(
                 f"{where}: found {_excerpt(expression)}, expected a polynomial ({error})"
             ) from None
@@ -265,13 +271,23 @@ def _reader(known: dict[int, Polynomial], environ: ModuleType) -> Callable[[Any,
     return walk
 
 
-def _number(value: Any, where: str) -> float:
+def _number(value: Any, where: str) -> float | Fraction:
+    """Check a number; it stays exact where no double is equal to it."""
     if value is None:
         raise ProblemError(f"{where}: found no value, expected a number")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
     if not math.isfinite(number):
-        raise ProblemError(f"{where}: found {number}, expected a finite number")
-    return number
+        raise ProblemError(f"{where}: found {value!s:.40}, expected a finite number")
+    exact = exact_fraction(value)
+    return number if exact is None else exact
+
+
+def _of_numbers(operation: Callable[..., Any], parts: list[Any]) -> float | Fraction:
+    """Combine numbers without rounding."""
+    return _number(operation(*map(Fraction, parts)), "a constant")
 
 
 def _combine(expression: Any, parts: list[Any]) -> Any:
@@ -279,14 +295,17 @@ def _combine(expression: Any, parts: list[Any]) -> Any:
     kind = type(expression).__name__.removeprefix("NPV_")
     if kind in ("SumExpression", "LinearExpression", "LinearSumExpression"):
         return _sum(parts)
+    known = all(isinstance(part, float | Fraction) for part in parts)
     if kind in _OPERATIONS:
-        return _OPERATIONS[kind](*parts)
+        operation = _OPERATIONS[kind]
+        return _of_numbers(operation, parts) if known else operation(*parts)
     if kind == "PowExpression":
         return _power(*parts)
     if len(parts) == 1 and getattr(expression, "is_named_expression_type", bool)():
         return parts[0]
-    if all(isinstance(part, float) for part in parts):
-        return _number(expression.create_node_with_local_data(parts)(), "a constant")
+    if known:
+        values = [float(part) for part in parts]
+        return _number(expression.create_node_with_local_data(values)(), "a constant")
     raise ProblemError(f"{expression.getname()} is no polynomial")
 
 
@@ -299,8 +318,9 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def _sum(parts: list[Any]) -> Any:
-    number = math.fsum(part for part in parts if isinstance(part, float))
-    others = [part for part in parts if not isinstance(part, float)]
+    numbers = [part for part in parts if isinstance(part, float | Fraction)]
+    others: list[Any] = [part for part in parts if not isinstance(part, float | Fraction)]
+    number: Any = _of_numbers(lambda *all_: sum(all_, Fraction(0)), numbers)
     if not others:
         return number
     if all(isinstance(part, Polynomial) for part in others):
@@ -309,8 +329,8 @@ def _sum(parts: list[Any]) -> Any:
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    if isinstance(base, float) and isinstance(exponent, float):
-        return base**exponent
+    if isinstance(base, float | Fraction) and isinstance(exponent, float | Fraction):
+        return _of_numbers(operator.pow, [base, exponent])
     if not isinstance(exponent, float) or not exponent.is_integer():
         raise ProblemError(f"the exponent {exponent} is no integer")
     return base**exponent if exponent >= 0 else 1.0 / base**-exponent

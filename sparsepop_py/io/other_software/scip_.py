@@ -130,21 +130,22 @@ def _rows(
 ) -> Iterator[Constraint]:
     text: dict[int, _Written] | None = None
     for k, row in enumerate(model.getConss()):
-        kind, low, high = row.getConshdlrName(), _end(model.getLhs(row)), _end(model.getRhs(row))
+        kind = row.getConshdlrName()
+        if kind not in ("linear", "nonlinear") and not row.isLinearType():
+            raise FormatError(
+                f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
+            )
+        low, high = _end(model.getLhs(row)), _end(model.getRhs(row))
         if row.isLinearType() or kind == "linear":
             terms = model.getValsLinear(row)
             body = _linear(list(terms.values()), [number[name] + 1 for name in terms], names)
-        elif kind == "nonlinear" and model.checkQuadraticNonlinear(row):
+        elif model.checkQuadraticNonlinear(row):
             body = _quadratic(model.getTermsQuadratic(row), number, names)
-        elif kind == "nonlinear":
+        else:
             text = _written(model, names, file) if text is None else text
             if k not in text:
                 raise FormatError(f"{file}: found the row {row.name!r}, expected polynomial rows")
             body = text[k].between(low, high)
-        else:
-            raise FormatError(
-                f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
-            )
         yield from between(body, low, high, row.name)
 
 
