@@ -76,9 +76,9 @@ def identify(
     options : Options, optional
     holdout : float, int or IOData, optional
         Samples that check the noise bounds: a part of the record that is left out of the
-        identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
-        record. The result says with which factor on the bounds they are explained, whatever the
-        signals before them.
+        identification (as of :meth:`IOData.split`: 0.7 identifies the first 70 % and holds out
+        the rest), or another record. The result says with which factor on the bounds they are
+        explained, whatever the signals before them.
     on_progress : callable, optional
         Called with the name of a parameter, its proved and its attained interval so far, when they
         change and at the next stage after two seconds; ends are infinite where there is none.

@@ -322,6 +322,8 @@ def _intervals(
         points = [_admitted(formulation, scaled, one.attained) for one in (low, high)]
         ends = [loosened(point.value, point) * unit for point in points if point is not None]
         inner = (ends[0], -ends[1]) if len(ends) == 2 else None
+        if inner is not None and problem.lower[variable] == problem.upper[variable]:
+            inner = outer
         first, last = (None if q is None else frozen(q.x * scaled.units) for q in points)
         item = ParameterInterval(name, outer, inner, IntervalStatus.PARTIAL, (first, last))
         if item.gap <= tol * (1.0 + 1e-9) or inner == outer:

@@ -71,6 +71,8 @@ class FrequencyBand:
         Sampling time.
     labels : (str, str) or None
         Names and units of output and input, for axes.
+    time_unit : str
+        For axes; empty where the record says none.
     view : {"bode", "nyquist", "nichols"}
         What :meth:`plot` draws unless it is told otherwise.
 
@@ -95,6 +97,7 @@ class FrequencyBand:
     arcs: ArcRegions | None = None
     Ts: float = 1.0
     labels: tuple[str, str] | None = None
+    time_unit: str = ""
     view: str = "bode"
 
     def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
@@ -280,6 +283,7 @@ def frequency_band(
         arcs,
         data.Ts,
         (data.output_labels[output - 1], data.input_labels[input - 1]),
+        data.time_unit,
     )
 
 

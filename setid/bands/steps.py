@@ -54,6 +54,8 @@ class StepBand:
         Of a proved band: how it compares with what is attained.
     labels : (str, str) or None
         Names and units of output and input, for axes.
+    time_unit : str
+        For axes; empty where the record says none.
     recursion : str
         Of a continuous-time structure: what responds, and what the step is between samples.
 
@@ -78,6 +80,7 @@ class StepBand:
     later: tuple[float, float] = (-np.inf, np.inf)
     report: BandReport | None = None
     labels: tuple[str, str] | None = None
+    time_unit: str = ""
     recursion: str = ""
 
     @property
@@ -204,8 +207,8 @@ def step_band(
     t, middle, a, b, c, d = columns
     data = result.formulation.data
     labels = data.output_labels[output - 1], data.input_labels[input - 1]
-    by = _recursion(model)
-    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report, labels, by)
+    said = labels, data.time_unit, _recursion(model)
+    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report, *said)
 
 
 def _recursion(model: Structure) -> str:

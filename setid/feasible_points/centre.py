@@ -147,6 +147,11 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     (p,) float
         Infinite where an outer interval is.
 
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty.
+
     Examples
     --------
     >>> import setid
@@ -156,6 +161,8 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     array([0.1547, 0.1093])
     """
     check_result(result)
+    if result.empty:
+        raise SetidError("no parameters are consistent with the data: none has a distance")
     low, high = result.outer_box
     values = real_array(theta, "theta", SetidError)
     if values.shape != low.shape:

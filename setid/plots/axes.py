@@ -101,13 +101,13 @@ def over_time(
     axes = stacked_axes(ax, count, height)
     for axis in axes:
         axis.grid(alpha=0.3)
-    axes[-1].set_xlabel(time_label(data))
+    axes[-1].set_xlabel(time_label(data.time_unit))
     return axes, np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)
 
 
-def time_label(data: IOData) -> str:
-    """Write the label of an axis of times, with their unit."""
-    return plain(f"time [{data.time_unit}]") if data.time_unit else "time"
+def time_label(unit: str) -> str:
+    """Write the label of an axis of times, with their unit where there is one."""
+    return plain(f"time [{unit}]") if unit else "time"
 
 
 def fill_between(

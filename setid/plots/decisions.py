@@ -96,7 +96,7 @@ def plot_advice(found: Advice, ax: Axes | None = None) -> Axes:
         begin = data.time[int(np.argmax(np.abs(np.diff(data.u, axis=0)).max(axis=1))) + 1]
         end = begin + found.settling_time
         axes.axvspan(begin, end, color=PROVED, alpha=0.2, lw=0, label="transient")
-    axes.set_xlabel(time_label(data))
+    axes.set_xlabel(time_label(data.time_unit))
     axes.legend(loc="best", fontsize="small")
     return axes
 

@@ -21,6 +21,7 @@ from setid.plots.axes import (
     plain,
     require_matplotlib,
     stacked_axes,
+    time_label,
 )
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:
     where = "" if band.arcs is None else ", proved at all frequencies"
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
     axes[0].set_title(plain(f"{output} from {input_}{where}"))
-    axes[1].set_xlabel("frequency, rad per unit of time")
+    axes[1].set_xlabel(plain(f"frequency, rad per {band.time_unit or 'unit of time'}"))
     return np.asarray(axes)
 
 
@@ -156,7 +157,7 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
         fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5)
     clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
     axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
-    axes.set_xlabel("time")
+    axes.set_xlabel(time_label(band.time_unit))
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
     axes.set_ylabel(plain(f"{output} for a step in {input_}"))
     axes.grid(alpha=0.3)

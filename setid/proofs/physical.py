@@ -171,18 +171,19 @@ def _proved(
         variable = int(objective.support[0])
         sign, unit = float(objective.coefficients[0]), float(scaled.units[variable])
         lower = float(problem.lower[variable] if sign > 0 else -problem.upper[variable])
+        fixed = problem.lower[variable] == problem.upper[variable]
         upper, about = inf, problem.with_objective(scaled.asked(objective)[0])
-        if end.certificate is not None:
-            verdict = end.certificate.verify(about, known)
-            if not verdict.ok:
-                return verdict.reason
-            lower = max(lower, end.certificate.bound)
         if end.attained is not None:
             point = end.attained.recheck(about)
             if point is None:
                 return "an attained point could not be proved again"
             if _is_admitted(again, scaled, point):
-                upper = point.value
+                upper = lower if fixed else point.value
+        if end.certificate is not None:
+            verdict = end.certificate.verify(about, known)
+            if not verdict.ok:
+                return verdict.reason
+            lower = max(lower, end.certificate.bound)
         found.append((lower * unit, upper * unit))
     return found
 

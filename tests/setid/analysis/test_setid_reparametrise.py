@@ -373,3 +373,13 @@ def test_a_summary_has_status_and_assumptions() -> None:
     assert str(found.status) == "certified"
     for text in (found.table(), "certified: Proved", "b0 = K*(1 + a1)", *known.assumptions):
         assert text in found.summary()
+
+
+def test_a_parameter_that_is_known_exactly_is_certified() -> None:
+    """Its bounds are equal: all consistent parameters have this value, however points round."""
+    result = setid.reparametrise(small(), setid.Physical({"K": (2, 2), "G": (0, 9)}, ["b0 = K*G"]))
+    known = result.intervals["K"]
+    assert known.outer == known.inner == (2.0, 2.0) and str(known.status) == "certified"
+    assert result.verify(DATA)
+    back = setid.Reparametrisation.from_json(result.to_json())
+    assert back.intervals["K"].inner == (2.0, 2.0)

@@ -85,6 +85,11 @@ def test_the_error_of_the_centre_holds_for_the_truth(noise: setid.Noise) -> None
     assert str(centre) in line(result.summary(), "centre: ")
     with pytest.raises(setid.SetidError, match=r"theta: found shape \(3,\)"):
         result.error([1, 2, 3])
+    empty = setid.identify(
+        result.formulation.data, result.formulation.model, setid.Noise(equation=1e-9)
+    )
+    with pytest.raises(setid.SetidError, match="none has a distance"):
+        empty.error(estimate)
 
 
 @pytest.mark.parametrize("noise", [OUTPUT, BOTH])

@@ -89,7 +89,9 @@ def test_names_and_units_are_no_mathematics() -> None:
     assert all(f">{label}<" in text for label in (output, input_, times))
     assert f">{output}<" in shown(setid.predict(result).plot())
     assert f">{output} from {input_}, proved" in shown(frequency_band(result, [0.1, 1.0]).plot())
-    assert f">{output} for a step in {input_}<" in shown(step_band(result, 5).plot())
+    step = shown(step_band(result, 5).plot())
+    assert f">{output} for a step in {input_}<" in step and f">{times}<" in step
+    assert ">frequency, rad per $s$<" in shown(frequency_band(result, [0.1, 1.0]).plot())
     assert f">{output}<" in shown(setid.fit(data, setid.TransferFunction(1, 1)).plot())
 
 
