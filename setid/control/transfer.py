@@ -26,6 +26,7 @@ __all__ = ["Exact", "Transfer", "as_transfer", "is_schur", "simulate_exactly", "
 
 Exact = tuple[Fraction, ...]
 _BITS = 240  # of the fixed-point numbers that simulations are carried out in
+_PRIME = 2**61 - 1
 _LARGEST = Fraction(np.finfo(float).max)
 
 
@@ -416,10 +417,35 @@ def _divided(top: Exact, below: Exact) -> tuple[Exact, Exact]:
 def _gcd(one: Exact, other: Exact) -> Exact:
     """Greatest common divisor by Euclid's algorithm, its last coefficient 1."""
     one, other = _trimmed(one), _trimmed(other)
+    if _coprime_modulo(one, other):
+        return (Fraction(1),)
     while any(other):
         other = tuple(c / other[-1] for c in other)
         one, other = other, _divided(one, other)[1]
     return tuple(c / one[-1] for c in one) if any(one) else (Fraction(1),)
+
+
+def _coprime_modulo(one: Exact, other: Exact) -> bool:
+    """Tell that polynomials have no common factor, by Euclid's algorithm modulo a prime.
+
+    A common factor stays one modulo a prime that divides no denominator and no last coefficient.
+    So none there is none at all; False says nothing.
+    """
+    p = _PRIME
+    if any(c.denominator % p == 0 for c in (*one, *other)):
+        return False
+    a, b = ([c.numerator * pow(c.denominator, -1, p) % p for c in f] for f in (one, other))
+    if not a[-1] or not b[-1]:
+        return False
+    while len(b) > 1:
+        inverse = pow(b[-1], -1, p)
+        while len(a) >= len(b):
+            factor, shift = a[-1] * inverse % p, len(a) - len(b)
+            a = [c if k < shift else (c - factor * b[k - shift]) % p for k, c in enumerate(a[:-1])]
+            while a and not a[-1]:
+                a.pop()
+        a, b = b, a
+    return bool(b)
 
 
 def is_schur(polynomial: Sequence[Fraction], radius: Fraction = Fraction(1)) -> bool:

@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, lfilter
 
 import setid
 from setid import control
-from setid.control.transfer import is_schur, simulate_exactly
+from setid.control.transfer import is_schur, simulate_exactly, times
 
 # Laboratory plant 4500/(s^2+16s+4500) and reference (51.54s+861.8)/(s^2+56.97s+861.8), zero-order
 # hold; ideal controllers by exact arithmetic (LRIC laboratories 7 and 8).
@@ -238,3 +238,21 @@ def test_priors_and_options_of_a_design_are_named() -> None:
     for bad in (0, 5.0, np.ones(2)):
         with pytest.raises(setid.SetidError, match="options: found"):
             control.design(data, M, control.LTI(1), 0.1, options=bad)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_common_factors_are_found_and_no_others(seed: int) -> None:
+    """Products of random polynomials with and without a common one, and of degree 80."""
+    random = np.random.default_rng(seed)
+    one, other, common = (
+        tuple(Fraction(int(v)) for v in [1, *random.integers(-9, 9, size), 7]) for size in (3, 2, 1)
+    )
+    whole = control.Transfer(times(one, common), times(other, common)).reduced()
+    assert whole.order <= max(len(one), len(other)) - 1
+    x = Fraction(1, 3)  # the same function
+    values = [sum(c * x**k for k, c in enumerate(p)) for p in (one, other)]
+    made = [sum(c * x**k for k, c in enumerate(p)) for p in (whole.numerator, whole.denominator)]
+    assert values[0] * made[1] == values[1] * made[0]
+    long = [Fraction(float(v)) for v in [1.0, *random.uniform(-0.1, 0.1, 80)]]
+    kept = control.Transfer(long[::-1], long).reduced()
+    assert len(kept.denominator) == 81
