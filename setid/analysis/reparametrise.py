@@ -35,6 +35,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 __all__ = ["Reparametrisation", "reparametrise"]
 
 _KIND = "reparametrisation"
+_SECONDS = 60.0  # where options say nothing
 _HEAD = {"format": "setid", "version": 1, "is": _KIND}
 _POINT = optional(PROVED_POINT)
 
@@ -208,6 +209,8 @@ def reparametrise(
         Of a structure whose coefficients the relations speak of, without these relations.
     physical : Physical
     options : Options, optional
+        Left out: a time limit of 60 s, since what leaves a physical parameter unbounded is not
+        found out, and relaxations of higher and higher order follow.
 
     Returns
     -------
@@ -234,7 +237,7 @@ def reparametrise(
     >>> setid.reparametrise(found, delay).intervals["T"]
     T in [0.527494, 1.09757], attained [0.527495, 1.09756], certified
     """
-    settings = checked_options(options)
+    settings = checked_options(options, Options(time_limit=_SECONDS))
     if not isinstance(result, Identification):
         raise SetidError(f"result: found {type(result).__name__}, expected an Identification")
     if not isinstance(physical, Physical):
