@@ -230,7 +230,9 @@ def test_cpu_seconds_that_solvers_spend_elsewhere_count():
     "objective",
     [
         lambda x, y: sp.ratio(-(x**2), x**2 + 1),
-        lambda x, y: sp.ratio(-(x**2) - y**2, x**2 + 2 * y**2 + 1),
+        pytest.param(
+            lambda x, y: sp.ratio(-(x**2) - y**2, x**2 + 2 * y**2 + 1), marks=pytest.mark.slow
+        ),
         lambda x, y: 3 - sp.ratio(x**2, x**2 + y**2 + 1),
     ],
 )

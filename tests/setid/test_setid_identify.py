@@ -454,9 +454,7 @@ OFFSET += [
 @pytest.mark.parametrize(
     "model",
     [
-        pytest.param(
-            model, marks=[pytest.mark.slow] if place in (0, 2, 3, 4) else [], id=repr(model)
-        )
+        pytest.param(model, marks=[pytest.mark.slow] if place < 5 else [], id=repr(model))
         for place, model in enumerate(OFFSET)
     ],
 )

@@ -267,7 +267,7 @@ def test_an_open_gap_has_a_cause() -> None:
     assert "gap is open" not in closed.summary()
 
 
-@pytest.mark.parametrize("norm", ["linf", "l2", "l1"])
+@pytest.mark.parametrize("norm", [pytest.param("linf", marks=pytest.mark.slow), "l2", "l1"])
 def test_fits_from_rest_close(norm: Norm) -> None:
     """The first rows bound the error too: with nk = 1 the first reading is error alone."""
     rng = np.random.default_rng(3)

@@ -132,7 +132,7 @@ def test_steps_of_separate_denominators_are_those_of_one_input() -> None:
 @pytest.mark.parametrize("more", [{}, {"offset": True}, {"initial": "zero"}])
 def test_simulations_of_separate_denominators_hold_the_truth(more: dict[str, Any]) -> None:
     found, _, true = two_inputs(**more)
-    band = setid.simulate_band(found, kind="proved", time_limit=3.0)
+    band = setid.simulate_band(found, kind="proved", time_limit=1.0)
     assert np.all((band.low <= true + 1e-12) & (true - 1e-12 <= band.high))
     assert not len(band.outside) and np.max(band.high - band.low) < 2.0
 

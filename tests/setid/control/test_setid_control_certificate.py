@@ -124,7 +124,9 @@ def test_a_controller_with_another_unstable_pole_fails_condition_two() -> None:
     assert found.conditions[1].holds is False
 
 
-@pytest.mark.parametrize("method", ["small_gain", "characteristic"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("small_gain", marks=pytest.mark.slow), "characteristic"]
+)
 def test_an_unstable_loop_is_refuted_with_a_consistent_plant(method: str) -> None:
     data, bound = experiment(60.0)
     strong = control.Transfer([20 * c for c in K.numerator], K.denominator)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -57,10 +58,11 @@ def test_orders_are_raised_with_proofs_until_the_set_collapses_on_the_ideal_cont
 @pytest.mark.parametrize(
     ("Ts", "num", "den"),
     [
-        (
+        pytest.param(
             0.005,
             [4.2978183, -11.757854, 11.1460309, -3.6490603],
             [-0.9930685, -0.9480591, 0.9411276],
+            marks=pytest.mark.slow,
         ),
         (0.02, [1.0013186, -1.1187457, 1.0153414, -0.5193439], [-0.927183, -0.8048727, 0.7320557]),
     ],
@@ -182,6 +184,7 @@ def test_wrong_input_is_refused() -> None:
         control.Polynomials([[1.0, 0.0, 1.0]])
 
 
+@cache
 def excited(order: int, bound: float) -> control.Design:
     """Design for a plant of order 2, whose ideal controller has order 2."""
     plant, rng = control.Transfer([0, 0.5, 0.2], [1, -1.2, 0.4]), np.random.default_rng(0)

@@ -140,7 +140,7 @@ def test_the_best_predictor_in_continuous_time_predicts_better_than_members() ->
     model, noise = setid.ContinuousTransferFunction(2, 1, Ts=0.2), setid.Noise(output=0.05)
     u = np.random.default_rng(0).uniform(-1, 1, 40)
     data = setid.simulate_record(model, [1.2, 2.0, 0.5, 2.0], u, noise, seed=0).data
-    options = setid.Options(time_limit=5.0, progress=False)
+    options = setid.Options(time_limit=2.0, progress=False)
     result = setid.identify(data, model, noise, setid.Stable(), options)
     found = best(result, "prediction")
 

@@ -159,7 +159,7 @@ def test_a_response_without_denominator_is_not_split(taps: int) -> None:
     rng = np.random.default_rng(0)
     u = np.round(rng.uniform(-2, 2, 228) * 64) / 64
     y = 0.75 * u + 0.2 * (1 - 1e-6) * rng.choice([-1, 1], 228)
-    options = setid.Options(progress=False, time_limit=3)
+    options = setid.Options(progress=False, time_limit=1)
     model = setid.TransferFunction(0, taps)
     result = setid.identify(setid.IOData(u, y), model, setid.Noise(output=0.2), (), options)
     assert result.verify()
