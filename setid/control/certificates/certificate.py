@@ -242,8 +242,8 @@ def stability_certificate(
         Seconds. Linear programs of arcs that have begun are ended, so that large records may
         take a little longer.
     snap : float
-        Largest value of a denominator at z = 1, relative to its coefficients, that is taken
-        to be a pole at exactly 1; what was moved is listed among the assumptions.
+        Largest distance of a pole of the controller, and of the static gain of M, from 1 that is
+        taken for none; what was moved is listed among the assumptions.
 
     Returns
     -------
