@@ -176,6 +176,32 @@ def test_stability_of_rows_with_driving_offsets_is_said(monkeypatch) -> None:
     assert about.stable == {1} and about.taken == ["rows"]
 
 
+@pytest.mark.parametrize(("adds", "c"), [(True, [2, 4]), (False, [1, 1])])
+def test_an_offset_of_an_output_is_that_of_the_equation_divided(monkeypatch, adds, c) -> None:
+    """d = 1 and (1 + a)(1 + b) between 1/4 and 1/2; an offset that drives already is d itself."""
+    for name in ("check_structures", "check_question"):
+        monkeypatch.setattr(driven, name, lambda *_: None)
+    ends = [[-0.5, 0.0], [-0.5, -0.5], [1.0, 1.0]]
+    inner = SimpleNamespace(
+        check=lambda: None,
+        taken=[],
+        stable=set(),
+        empty=False,
+        got=SimpleNamespace(intervals=[{"outer": pair} for pair in ends]),
+    )
+    structure = SimpleNamespace(
+        outputs=(1,),
+        offset=lambda _: [SimpleNamespace(parameters=("c",))],
+        adds_offset=lambda _: adds,
+        denominators=lambda _: [["a"], ["b"]],
+    )
+    about = SimpleNamespace(structure=structure, taken=[], stable=set(), names=["a", "b", "c"])
+    low, high = driven.bounded_by(inner, about, [[-9] * 3, [9] * 3])
+    assert (low[:2], high[:2]) == ([-0.5, -0.5], [0, -0.5])
+    near = Fraction(1, 10**9)
+    assert c[0] - near <= low[2] <= c[0] and c[1] <= high[2] <= c[1] + near
+
+
 def test_intervals_hold_all_differences_and_products() -> None:
     chance = random.Random(3)
     for _ in range(50):
