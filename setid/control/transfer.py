@@ -472,11 +472,37 @@ def is_schur(polynomial: Sequence[Fraction], radius: Fraction = Fraction(1)) -> 
     rest = [Fraction(c) / radius**i for i, c in enumerate(polynomial)]
     while rest and rest[-1] == 0:
         rest.pop()
+    for bits in (128 + 4 * len(rest), 1024 + 16 * len(rest)):
+        known = _is_schur_with(rest, bits)
+        if known is not None:
+            return known
     while len(rest) > 1:
         if not abs(rest[-1]) < abs(rest[0]):
             return False
         k = rest[-1] / rest[0]
         rest = [a - k * b for a, b in zip(rest[:-1], rest[:0:-1], strict=True)]
+    return bool(rest)
+
+
+def _is_schur_with(polynomial: Sequence[Fraction], bits: int) -> bool | None:
+    """Do the step-down recursion in fixed point with an error bound; None where it is too rough.
+
+    Fractions grow with each step, and a polynomial of order 120 takes seconds.
+    """
+    one, size = 1 << bits, max(map(abs, polynomial), default=Fraction(0))
+    rest = [int(c / size * one) for c in polynomial] if size else []
+    error = 1  # of each coefficient, in units of 2^-bits
+    while len(rest) > 1:
+        first, last = abs(rest[0]), abs(rest[-1])
+        if last - error >= first + error:
+            return False
+        if last + error >= first - error:
+            return None
+        k = (rest[-1] << bits) // rest[0]
+        slack = (2 * error << bits) // (first - error) + 2  # of k, whose size is below 1
+        most = max(map(abs, rest)) + error
+        rest = [a - (k * b >> bits) for a, b in zip(rest[:-1], rest[:0:-1], strict=True)]
+        error = 2 * error + (most * slack >> bits) + 2
     return bool(rest)
 
 

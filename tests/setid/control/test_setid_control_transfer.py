@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, lfilter
 
 import setid
 from setid import control
-from setid.control.transfer import is_schur, simulate_exactly, times
+from setid.control.transfer import _is_schur_with, is_schur, simulate_exactly, times
 
 # Laboratory plant 4500/(s^2+16s+4500) and reference (51.54s+861.8)/(s^2+56.97s+861.8), zero-order
 # hold; ideal controllers by exact arithmetic (LRIC laboratories 7 and 8).
@@ -115,6 +115,40 @@ def test_schur_agrees_with_the_roots(seed: int) -> None:
     assert is_schur(polynomial) == bool(np.abs(roots).max() < 1.0)
     radius = Fraction(float(np.abs(roots).max())) * Fraction(11, 10)
     assert is_schur(polynomial, radius)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_fixed_point_decides_as_rationals_do_or_not_at_all(seed: int) -> None:
+    """Roots on the circle, or nearer to it than the bits tell, are left to rationals."""
+    rng, polynomial = np.random.default_rng(seed), (Fraction(1),)
+    near = [Fraction(1) - Fraction(1, 10 ** int(rng.integers(3, 60))) for _ in range(2)]
+    for root in rng.choice(
+        [Fraction(1, 2), Fraction(-3, 4), Fraction(9, 8), Fraction(-1), *near], 5
+    ):
+        polynomial = times(polynomial, (Fraction(1), -root))
+        for bits in (30, 60, 250):
+            known = _is_schur_with(polynomial, bits)
+            assert known is None or known == stepped_down(polynomial)
+        assert is_schur(polynomial) == stepped_down(polynomial)
+
+
+def stepped_down(polynomial: tuple[Fraction, ...]) -> bool:
+    """The recursion in rationals."""
+    rest = list(polynomial)
+    while len(rest) > 1:
+        if abs(rest[-1]) >= abs(rest[0]):
+            return False
+        k = rest[-1] / rest[0]
+        rest = [a - k * b for a, b in zip(rest[:-1], rest[:0:-1], strict=True)]
+    return True
+
+
+def test_stability_of_long_polynomials_takes_no_time() -> None:
+    """In rationals order 300 would take minutes."""
+    rng = np.random.default_rng(0)
+    tail = [Fraction(float(v)) for v in rng.uniform(-3e-3, 3e-3, 300)]
+    assert is_schur([Fraction(1), *tail])  # the sum of sizes is below 1
+    assert not is_schur([Fraction(1), *tail[:-1], Fraction(9, 8)])
 
 
 def test_exact_simulation_agrees_with_doubles() -> None:
