@@ -181,6 +181,11 @@ class Noise:
             Added to the bound of every output sample, in place of what was added before;
             a discretisation error of :class:`ContinuousTransferFunction` is one.
 
+        Raises
+        ------
+        NoiseError
+            If constraints may speak of the output noise, of which ``delta`` is no part.
+
         Examples
         --------
         >>> import setid
@@ -195,6 +200,13 @@ class Noise:
             delta = float(delta.value.max())
         if not 0.0 <= number(delta, "delta", NoiseError) < np.inf:
             raise NoiseError(f"delta: found {delta!r}, expected a number >= 0")
+        own = (EnergyBound, RateLimit)
+        known = (isinstance(one, own) and one.kind != "output" for one in self.constraints)
+        if delta and not all(known):
+            raise NoiseError(
+                f"constraints: found constraints of the output noise beside delta = {delta:g}, "
+                "expected none: unknowns of the outputs hold that error, too"
+            )
         object.__setattr__(found, "model_error", float(delta))
         return found
 

@@ -152,3 +152,21 @@ def test_constraints_on_the_noise_are_assumptions() -> None:
         "output noise changes by at most 0.25 from sample to sample",
         "the noise satisfies the constraints that nothing states",
     )
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [setid.EnergyBound("output", 5e-4), setid.RateLimit("output", 2e-4), lambda layout: []],
+)
+def test_constraints_of_output_noise_say_nothing_of_a_discretisation_error(constraint) -> None:
+    """Unknowns of outputs hold both: a norm of the noise alone would lose the truth."""
+    model = setid.ContinuousTransferFunction(1, 0, hold="constant", delta=0.006)
+    data = setid.IOData([1.0, 1.0, -1.0, -1.0], [0.0, 0.3, 0.5, 0.1], 0.1)
+    noise = setid.Noise(output=1e-4, constraints=[constraint])
+    with pytest.raises(setid.NoiseError, match="beside delta = 0.006"):
+        setid.identify(data, model, noise)
+    with pytest.raises(setid.NoiseError, match="beside delta"):
+        setid.estimate_delta(data, model, noise)
+    assert noise.covering(0.0).constraints == noise.constraints
+    inputs = setid.Noise(output=1e-4, input=0.1, constraints=[setid.EnergyBound("input", 0.1)])
+    assert inputs.covering(0.006).model_error == 0.006
