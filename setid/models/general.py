@@ -37,6 +37,7 @@ __all__ = [
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SUM = re.compile(r"\s*([+-]?)\s*([A-Za-z_]\w*)")
+_LEAST = 1e-50  # size of a coefficient that normalises, and of its reciprocal
 
 
 def read_blocks(linear: Mapping[tuple[str, str], TransferFunction]) -> tuple[Block, ...]:
@@ -182,6 +183,11 @@ def read_normalisation(
             raise ModelError(
                 f"normalise: found {name!r} = {value!r}, expected 'dcgain', 'dcgain[target,source]'"
                 f" or one of {', '.join(wiring.names)}"
+            )
+        if value and not _LEAST <= abs(value) <= 1.0 / _LEAST:
+            raise ModelError(
+                f"normalise: found {name!r} = {value!r}, expected a size from {_LEAST:g} to "
+                f"{1.0 / _LEAST:g}, whose powers are doubles"
             )
     return tuple(fixed.items()), tuple(dict.fromkeys(gains))
 

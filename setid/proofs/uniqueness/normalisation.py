@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from setid.errors import ModelError
 from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.lifting import LIFTED
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import start_of
@@ -101,7 +102,8 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
         matrix = _sensitivities(rest, names, generator)
         if not np.all(np.isfinite(matrix)):
             continue  # a loop that diverges
-        _, sizes, right = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0))
+        seen = np.linalg.norm(matrix, axis=0)  # zero where a coefficient of zero hides a parameter
+        _, sizes, right = np.linalg.svd(matrix / np.where(seen > 0, seen, 1.0))
         null = right[sizes <= _RANK * sizes[0]]
         moved = {n for n, column in zip(names, null.T, strict=True) if np.any(abs(column) > 1e-4)}
         affected = moved if affected is None else affected & moved
@@ -526,6 +528,9 @@ def reference_follows(
     affected = unidentifiable(model)
     if priors_speak_of(formulation, affected):
         return False
+    stated = reference
+    if (model.form, reference.form) == ("auto", LIFTED):  # sums of products as unknowns, no more
+        reference = reference.changed(form="auto")
     if isinstance(model, Lure):
         shift = loop_shift(model)
         if shift is None or priors_speak_of(formulation, shift.changed):
@@ -541,5 +546,5 @@ def reference_follows(
         return formulation.parameters.index(chosen[0]) in products_with(rows, nonzero)
     if not isinstance(nonzero, CellBox) or nonzero.open:
         return False
-    other = formulate(formulation.data, reference, formulation.noise, formulation.priors)
+    other = formulate(formulation.data, stated, formulation.noise, formulation.priors)
     return nonzero.verify(other, start_of(other))

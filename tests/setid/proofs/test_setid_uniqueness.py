@@ -349,6 +349,34 @@ def test_high_degrees_of_a_map_are_not_unique(degree: int) -> None:
     assert found.verify()
 
 
+def test_references_with_sums_of_products_as_unknowns_follow() -> None:
+    """Noisy outputs make products of parameters: the reference is stated with them as unknowns."""
+    u, y = np.random.default_rng(0).uniform(-1, 1, 20), np.zeros(20)
+    for k in range(1, 20):
+        y[k] = 0.5 * y[k - 1] + 0.8 * (u[k - 1] - 0.2 * y[k - 1] ** 2 - 0.1 * y[k - 1])
+    data, model = setid.IOData(u, y), setid.Lure(setid.TransferFunction(1, 1, 1), 2)
+    options = setid.Options(unidentifiable="report", time_limit=2, progress=False)
+    found = setid.identify(data, model, setid.Noise(0.005), (), options)
+    assert found.reference is not None and found.reference.formulation.model.form == "lifted"
+    assert found.verify(data) and setid.Identification.from_json(found.to_json()).verify(data)
+    shift = loop_shift(model)
+    assert shift is not None
+    for other in (shift.reference.changed(form="direct"), model.changed(form="lifted")):
+        assert not reference_follows(found.formulation, other, None)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e200, -1e60])
+def test_coefficients_that_normalise_have_powers(size: float) -> None:
+    linear = setid.TransferFunction(1, 2, 1)
+    with pytest.raises(setid.ModelError, match="normalise: found 'b1' = .*expected a size from"):
+        setid.Wiener(linear, 2, {"b1": size})
+
+
+def test_a_coefficient_of_zero_hides_others() -> None:
+    hidden = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, {"b1": 0.0})
+    assert setid.unidentifiable(hidden) == ("a1", "gamma1", "gamma2")
+
+
 def test_even_coefficients_are_no_reference() -> None:
     """A map with gamma2 < 0 has no equivalent one with gamma2 = 1."""
     wiener = setid.Wiener(setid.TransferFunction(0, 1, 1), 3, initial="zero")
