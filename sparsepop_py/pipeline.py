@@ -244,10 +244,12 @@ def solve_each(
     _check(problem, objectives, options)
     if not objectives:
         return []
+    executor = options.executor
     if executor is not None and options.effort != "auto" and options.gap_kind != "width":
         limit = options.time_limit
         until = None if limit is None else time.time() + limit  # of all tasks, in any process
-        tasks = [(problem.with_objective(each), options, start, until) for each in objectives]
+        own = _shared_out(options, len(objectives))
+        tasks = [(problem.with_objective(each), own, start, until) for each in objectives]
         return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     deadline = _deadline(options)
@@ -284,6 +286,7 @@ def _proved_again(
 
 
 _Task: TypeAlias = tuple[Problem, Options, NDArray[Any] | None, float | None]
+_PATIENCE = 2.0  # times the time that is left, and a second, for an executor
 _LEAST = 1e-3  # seconds for a task that begins when time is over
 
 
@@ -292,12 +295,29 @@ def _solve_apart(
     executor: Executor,
     on_progress: OnProgress | None,
 ) -> list[Result]:
-    """Solve problems as tasks of their own."""
-    results = map_in_order(executor, _solve_task, tasks)
+    """Solve problems as tasks of their own, in this process where the executor fails."""
+    until = tasks[0][-1]
+    patience = None if until is None else _PATIENCE * (until - time.time()) + 1.0
+    try:
+        results = map_in_order(executor, _solve_task, tasks, patience)
+    except SparsePOPError as error:
+        text = f"the executor failed ({error}): objectives are bounded in this process"
+        found = [_solve_task(task) for task in tasks]
+        results = [replace(one, notes=(*one.notes, text)) for one in found]
     if on_progress is not None:
         for number, each in enumerate(results):
             on_progress(number, each.lower_bound, each.upper_bound)
     return results
+
+
+def _shared_out(options: Options, count: int) -> Options:
+    """Give each of several tasks its part of the limits that no clock on the wall tells."""
+    parts = {
+        name: limit / count
+        for name in ("cpu_limit", "work_limit")
+        if (limit := getattr(options, name)) is not None
+    }
+    return replace(options, executor=None, **parts)
 
 
 def _solve_task(task: _Task) -> Result:

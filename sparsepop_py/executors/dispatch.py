@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -100,6 +101,7 @@ def map_in_order(
     executor: Executor | None,
     function: Callable[[Any], T],
     arguments: Iterable[Any],
+    patience: float | None = None,
 ) -> list[T]:
     """Apply a function to many arguments; results come in their order.
 
@@ -110,6 +112,8 @@ def map_in_order(
     function : callable
         Of an importable module, without effects: a task whose worker was lost runs again.
     arguments : iterable
+    patience : float, optional
+        Seconds after which an executor that has not done them all is given up.
 
     Returns
     -------
@@ -131,7 +135,7 @@ def map_in_order(
     if executor is None:
         return [function(argument) for argument in arguments]
     found: dict[int, T] = {}
-    for done in completed(executor, function, enumerate(arguments)):
+    for done in completed(executor, function, enumerate(arguments), patience=patience):
         if done.lost:
             raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
         found[done.key] = done.value  # type: ignore[assignment]
@@ -143,6 +147,7 @@ def completed(
     function: Callable[[Any], T],
     tasks: Iterable[tuple[Key, Any]],
     ahead: int = 64,
+    patience: float | None = None,
 ) -> Generator[Done[Key, T], None, None]:
     """Run tasks on an executor and yield them as they are done.
 
@@ -159,6 +164,8 @@ def completed(
     tasks : iterable of (key, argument)
     ahead : int
         Most tasks that are submitted and not done; their arguments are in memory.
+    patience : float, optional
+        Seconds for all of them.
 
     Yields
     ------
@@ -167,7 +174,7 @@ def completed(
     Raises
     ------
     SparsePOPError
-        If the executor takes no tasks any more.
+        If the executor takes no tasks any more, or keeps them for longer than ``patience``.
 
     Examples
     --------
@@ -178,13 +185,17 @@ def completed(
     """
     run: _Run[Key, T] = _Run(executor, function)
     rest = iter(tasks)
+    end = None if patience is None else time.monotonic() + patience
     try:
         while True:
             while len(run.waiting) < ahead and (task := next(rest, None)) is not None:
                 run.submit(*task, 1)
             if not run.waiting:
                 return
-            ready, _ = wait(run.waiting, return_when=FIRST_COMPLETED)
+            left = None if end is None else max(0.0, end - time.monotonic())
+            ready, _ = wait(run.waiting, left, FIRST_COMPLETED)
+            if not ready:
+                raise SparsePOPError(f"executor: no task ended within {patience:.3g} s")
             for future in ready:
                 done = run.settle(future)
                 if done is not None:
@@ -205,7 +216,7 @@ class _Run(Generic[Key, T]):
         """Submit a task, to a pool of our own where the executor's is broken."""
         try:
             future = self._executor.submit(self._function, argument)
-        except (BrokenExecutor, RuntimeError) as error:
+        except Exception as error:  # those of other packages share no base
             self._replace(error)
             future = self._executor.submit(self._function, argument)
         self.waiting[future] = key, argument, attempt
