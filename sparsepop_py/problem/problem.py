@@ -250,6 +250,7 @@ class Problem:
         """
         if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
             raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
+        self.__dict__.setdefault("_encoded", [])
         other = copy.copy(self)
         other.__dict__.clear()
         kept = {name: value for name, value in self.__dict__.items() if name in _OF_THE_SET}
@@ -259,6 +260,10 @@ class Problem:
         fields["rounding"] = (*changed, *of_set)
         other.__dict__.update(kept | fields)
         return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out bytes that follow from the rest."""
+        return {name: value for name, value in self.__dict__.items() if name != "_encoded"}
 
     @cached_property
     def fingerprint(self) -> str:
@@ -281,6 +286,7 @@ class Problem:
 # What with_objective keeps: the fields but the objective's, and what is derived from them alone.
 _OF_THE_SET = frozenset(
     ("constraints", "lower", "upper", "names", "rows", "matrices", "equality", "bound_rows")
+    + ("_encoded",)  # the bytes of the constraints, once one of the problems needs them
 )
 
 
@@ -342,23 +348,34 @@ def encoding(problem: Problem) -> bytes:
     True
     """
     rows, squares = problem.constraints, problem.squares
-    polynomials = [problem.objective]
-    for row in rows:
-        polynomials += [row.polynomial, *row.entries]
-    polynomials += [polynomial for _, polynomial in squares]
+    held = problem.__dict__.setdefault("_encoded", [])
+    if not held:
+        kinds = ",".join(row.kind.name for row in rows).encode()
+        sizes = np.array([len(row.entries) for row in rows], "<i8").tobytes()
+        stacked = _encoded([p for row in rows for p in (row.polynomial, *row.entries)])
+        held.append((kinds, sizes, stacked))
+    kinds, sizes, stacked = held[0]
+    first, last = _encoded([problem.objective]), _encoded([p for _, p in squares])
     parts = [
         b"sparsepop-py problem 2",
         np.array([problem.dimension, len(rows), len(squares)], "<i8").tobytes(),
-        ",".join(row.kind.name for row in rows).encode(),
-        np.array([len(row.entries) for row in rows], "<i8").tobytes(),
-        np.array([p.words.shape for p in polynomials], "<i8").tobytes(),
-        b"".join(p.words.astype("<i4", copy=False).tobytes() for p in polynomials),
-        b"".join(p.coefficients.astype("<f8", copy=False).tobytes() for p in polynomials),
+        kinds,
+        sizes,
+        *(b"".join(pieces) for pieces in zip(first, stacked, last, strict=True)),
         (problem.lower + 0.0).astype("<f8").tobytes(),
         (problem.upper + 0.0).astype("<f8").tobytes(),
         (np.array([weight for weight, _ in squares], float) + 0.0).astype("<f8").tobytes(),
     ]
     return b"".join(len(part).to_bytes(8, "little") + part for part in parts)
+
+
+def _encoded(polynomials: list[Polynomial]) -> tuple[bytes, bytes, bytes]:
+    """Encode shapes, words and coefficients of polynomials."""
+    return (
+        np.array([p.words.shape for p in polynomials], "<i8").tobytes(),
+        b"".join(p.words.astype("<i4", copy=False).tobytes() for p in polynomials),
+        b"".join(p.coefficients.astype("<f8", copy=False).tobytes() for p in polynomials),
+    )
 
 
 def _rounded(

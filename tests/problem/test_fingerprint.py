@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import struct
 from fractions import Fraction
 from typing import Any
@@ -166,3 +167,21 @@ def test_a_shared_dictionary_does_not_carry_a_claim_to_the_twin() -> None:
     verdict = certificate.verify(full, known)
     assert not verdict.ok
     assert certificate.recompute(full, known)[0] < INF
+
+
+@given(problems(), st.booleans())
+@many
+def test_problems_of_one_set_share_bytes_of_rows(problem: sp.Problem, first: bool) -> None:
+    problem: sp.Problem, first: bool
+) -> None:
+    """Whichever of them is asked first, each has its own objective and bounds in its bytes."""
+    if first:
+        assert read_back(encoding(problem)) == content(problem)
+    for objective in (-1 * problem.objective, 0.0 * problem.objective):
+        changed = problem.with_objective(objective)
+        assert read_back(encoding(changed)) == content(changed)
+        again = pickle.loads(pickle.dumps(changed)).with_objective(problem.objective)
+        assert read_back(encoding(again)) == content(again)
+    assert read_back(encoding(problem)) == content(problem)
+    other = sp.Problem(problem.objective, problem.constraints[1:], problem.lower, problem.upper)
+    assert read_back(encoding(other)) == content(other)
