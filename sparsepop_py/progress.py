@@ -29,6 +29,12 @@ _REDRAWN = 1.0  # seconds after which the line is drawn anew
 _REPORTED = 2.0  # seconds after which bounds are reported although they did not change
 
 
+def _in_terminal() -> bool:
+    """Check that standard error is seen; services have none, or one that is closed."""
+    stream = sys.stderr
+    return stream is not None and not getattr(stream, "closed", False) and stream.isatty()
+
+
 def _in_notebook() -> bool:
     """Check for a kernel of IPython, whose output is no terminal and yet is seen."""
     shell = sys.modules.get("IPython")
@@ -62,7 +68,7 @@ class Line:
     """
 
     def __init__(self, show: bool) -> None:
-        self._show = bool(show) and (sys.stderr.isatty() or _in_notebook())
+        self._show = bool(show) and (_in_terminal() or _in_notebook())
         self._begin, self._text = time.monotonic(), ""
         self._lock, self._closed = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import pickle
 import sys
@@ -10,6 +11,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -496,6 +498,21 @@ def test_a_terminal_shows_bounds_rounded_outwards(monkeypatch, no_tqdm):
     assert "-0.33333334 <= minimum <= 0.66666667  solve ..." in terminal.text
     assert terminal.text.endswith("\r\x1b[K")
     assert not [t for t in threading.enumerate() if t.name == "progress line"]
+
+
+@pytest.mark.parametrize("stream", [None, "closed"])
+def test_progress_without_standard_error_is_silent(
+    stream: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Services have none."""
+    found = None
+    if stream:
+        found = io.StringIO()
+        found.close()
+    monkeypatch.setattr("sys.stderr", found)
+    line = progress.Line(True)
+    line.draw("solve ...")
+    line.close()
 
 
 def test_files_see_nothing_and_notebooks_do(monkeypatch, no_tqdm):

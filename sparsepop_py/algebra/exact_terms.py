@@ -258,7 +258,12 @@ def _within_bits(terms: ExactTerms) -> ExactTerms:
     terms = ExactTerms(terms.words, shorter, below, terms.followed)
     if _longest(numbers, below) <= LARGEST_BITS:
         return terms
-    values = terms.rounded()
+    try:
+        values = terms.rounded()
+    except OverflowError:
+        raise ProblemError(
+            "coefficients: a product or a sum of equal monomials overflows"
+        ) from None
     keep = values != 0.0
     near = ExactTerms.of_doubles(monomials.trim(terms.words[keep]), values[keep])
     return ExactTerms(near.words, near.numerators, near.denominator, False)

@@ -92,7 +92,8 @@ class PolynomialSystem:
 
     def values(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Evaluate at ``x`` of shape (n,), giving (m,)."""
-        terms = self.coefficients * monomials.evaluate(self.words, x)
+        with np.errstate(over="ignore", invalid="ignore"):  # inf or NaN where doubles end
+            terms = self.coefficients * monomials.evaluate(self.words, x)
         return np.bincount(self.row, weights=terms, minlength=self.size).astype(float)
 
     @cached_property
@@ -137,7 +138,8 @@ class PolynomialSystem:
         """Evaluate the entries of the Jacobian at ``x`` that are not zero everywhere."""
         _, _, coefficient, words = self._gradient
         rows, _, entry = self._places
-        values = coefficient * monomials.evaluate(words, x)
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = coefficient * monomials.evaluate(words, x)
         return np.bincount(entry, weights=values, minlength=rows.size).astype(float)
 
     def dense_jacobian(self, x: NDArray[Any]) -> NDArray[np.float64]:

@@ -81,7 +81,8 @@ def _bound_of(outcome: Outcome, objective: Polynomial) -> LinearBound:
     multipliers = tuple(zip(outcome.rows, outcome.multipliers, strict=True))
     if outcome.vertex is None:
         return LinearBound(Status.INFEASIBLE, np.inf, np.inf, None, multipliers)
-    x = np.concatenate([np.atleast_1d(Interval.of_fraction(v).middle()) for v in outcome.vertex])
+    near = [Interval.of_fraction(v) for v in outcome.vertex]  # middles lose tiny numbers
+    x = np.array([np.clip(v.middle(), v.lo, v.hi) for v in near], float).reshape(len(near))
     if outcome.ray is not None:
         status, low = Status.UNBOUNDED, -np.inf
         return LinearBound(status, low, low, x, multipliers, None, outcome.vertex, outcome.ray)

@@ -14,17 +14,19 @@ programs via low-rank factorization, Math. Programming 95, 2003.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.algebra.polynomial import Constraint, Kind, total, variables
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["RowForm"]
 
 _LARGEST = 10  # rows of a matrix that gets a factor
+_USUAL = 500  # powers of two: coefficients whose squares are far from the ends of doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +62,12 @@ class RowForm:
             if not entries:
                 rows.append(Constraint(c.polynomial.within(n + size), c.kind))
             elif c.kind is Kind.SECOND_ORDER:
+                entries = _near_one(entries)
                 rows += [entries[0] >= 0, entries[0] ** 2 - total(f * f for f in entries[1:]) >= 0]
             elif c.side > _LARGEST:
                 rows += [entries[c.position(i, i) or 0] >= 0 for i in range(c.side)]
             elif number not in factored:
-                a, b, d = entries
+                a, b, d = _near_one(entries)
                 rows += [a >= 0, d >= 0, a * d - b * b >= 0]
             else:
                 factor = [[next(extra) for _ in range(i + 1)] for i in range(c.side)]
@@ -83,7 +86,10 @@ class RowForm:
         parts = [x]
         for k in self.factored:
             layout = self.given.matrices.layout(k)
-            size, vectors = np.linalg.eigh(self.given.matrices.system.values(x)[layout])
+            try:
+                size, vectors = np.linalg.eigh(self.given.matrices.system.values(x)[layout])
+            except np.linalg.LinAlgError:  # entries near the largest double
+                size, vectors = np.zeros(len(layout)), np.eye(len(layout))
             root = vectors * np.sqrt(np.maximum(size, 0.0))
             triangle = np.linalg.qr(root.T)[1].T
             parts.append(triangle[np.tril_indices(layout.shape[0])])
@@ -92,3 +98,12 @@ class RowForm:
     def point(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the variables of the given problem, shape (n,)."""
         return x[: self.given.dimension]
+
+
+def _near_one(entries: list[Polynomial]) -> list[Polynomial]:
+    """Scale huge and tiny entries by a power of two, so that their products are doubles."""
+    largest = max(float(np.abs(p.coefficients).max(initial=0.0)) for p in entries)
+    power = int(np.frexp(largest)[1])
+    if abs(power) < _USUAL:
+        return entries
+    return [math.ldexp(1.0, -max(power, -1000)) * p for p in entries]

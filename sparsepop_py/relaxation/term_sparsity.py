@@ -193,10 +193,10 @@ class _Table:
             alone = np.arange(self.group.count)
             return np.ones_like(hit), [(alone, np.zeros((alone.size, 1), np.int64))]
         # Cliques of one shape have one graph: each is closed once.
-        _, first, shape = np.unique(
-            np.packbits(hit, axis=1), axis=0, return_index=True, return_inverse=True
-        )
-        shape = shape.ravel()
+        keys = [row.tobytes() for row in np.packbits(hit, axis=1)]
+        number = {key: k for k, key in enumerate(sorted(set(keys)))}
+        shape = np.array([number[key] for key in keys])
+        first = np.unique(shape, return_index=True)[1]
         filled, cover = _close_graphs(hit[first], self.group, chordal)
         return filled[shape], [_everywhere(graph, shape, place) for graph, place in cover]
 

@@ -172,8 +172,6 @@ def test_a_shared_dictionary_does_not_carry_a_claim_to_the_twin() -> None:
 @given(problems(), st.booleans())
 @many
 def test_problems_of_one_set_share_bytes_of_rows(problem: sp.Problem, first: bool) -> None:
-    problem: sp.Problem, first: bool
-) -> None:
     """Whichever of them is asked first, each has its own objective and bounds in its bytes."""
     if first:
         assert read_back(encoding(problem)) == content(problem)

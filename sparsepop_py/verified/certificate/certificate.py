@@ -46,7 +46,7 @@ Argument = Identity | LinearDual | ExactGram | ExactDual
 
 
 class Verdict(NamedTuple):
-    """Outcome of a verification.
+    """Outcome of a verification, true where the claim holds.
 
     Parameters
     ----------
@@ -64,11 +64,17 @@ class Verdict(NamedTuple):
     >>> certificate = sp.solve(sp.Problem(x, lower=0, upper=1)).certificate
     >>> certificate.verify(sp.Problem(x, lower=-1, upper=1)).reason
     'the certificate belongs to another problem'
+    >>> bool(certificate.verify(sp.Problem(x, lower=-1, upper=1)))
+    False
     """
 
     ok: bool
     bound: float
     reason: str
+
+    def __bool__(self) -> bool:
+        """Be true where the claim holds, though a tuple of three items never is empty."""
+        return self.ok
 
 
 class Proved(NamedTuple):

@@ -321,3 +321,19 @@ def test_an_empty_box_after_a_cutoff_proves_the_cutoff_and_nothing_more(cutoff):
     # for another objective over the same set the cutoff means something else
     above = sp.Problem(x + y - 4, lower=0, upper=1)
     assert Certificate(above.fingerprint, INF, root, cutoff).verify(above).bound <= -4.0
+
+
+def test_verdicts_are_true_where_claims_hold() -> None:
+    """A tuple of three items is true by itself: a forged certificate must not look so."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x**2 + y**2 <= 1])
+    certificate = sp.solve(problem).certificate
+    assert certificate.verify(problem)
+    forged = replace(certificate, bound=certificate.bound + 1000.0)
+    assert not forged.verify(problem) and not forged.verify(problem).ok
+    ratio = sp.RationalProblem(x / (1 + y**2), [x**2 + y**2 <= 1])
+    found = sp.solve(ratio).certificate
+    assert found.verify(ratio) and not replace(found, bound=1000.0).verify(ratio)
+    line = sp.Problem(x, (), [0, 0], [1, 1])
+    (bound,) = sp.linear_bounds(line, [x])
+    assert bound.verify(line, x) and not bound.verify(line, x + y)
