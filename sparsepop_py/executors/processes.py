@@ -152,11 +152,13 @@ class Processes(Executor):
             try:
                 process = process or self._start()
                 task.settle(process)
-            except (OSError, EOFError, pickle.UnpicklingError) as error:
+            except Exception as error:  # the process ended, or its answer cannot be read
                 if process is not None:
                     self._end(process)
                     process = None
-                task.future.set_exception(WorkerLost(f"worker: {error or 'it ended'}"))
+                lost = isinstance(error, (OSError, EOFError, pickle.UnpicklingError))
+                text = f"worker: {error or 'it ended'}"
+                task.future.set_exception(WorkerLost(text) if lost else error)
         if process is not None:
             self._end(process)
 

@@ -110,6 +110,16 @@ def test_exceptions_of_the_function_are_raised() -> None:
         map_in_order(pool, math.sqrt, [4.0, -1.0])
 
 
+def test_answers_that_cannot_be_read_leave_the_others_alone() -> None:
+    """This exception pickles, and its pickle lacks arguments."""
+    with Processes(1) as pool:
+        lost = pool.submit(subprocess.TimeoutExpired, cmd="x", timeout=1)
+        after = pool.submit(math.sqrt, 4.0)
+        with pytest.raises(TypeError, match="timeout"):
+            lost.result(30)
+        assert after.result(30) == 2.0
+
+
 def test_an_executor_that_was_shut_down_is_named() -> None:
     pool = ThreadPoolExecutor(1)
     pool.shutdown()
