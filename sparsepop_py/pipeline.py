@@ -559,6 +559,15 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
 
 
 def _result(state: SearchState, known: dict[Any, Any]) -> Result:
+    """Make the result once more where the user interrupts that: all is proved by then."""
+    try:
+        return _made(state, known)
+    except KeyboardInterrupt:
+        state.context.deadline.stop()
+        return _made(state, known)
+
+
+def _made(state: SearchState, known: dict[Any, Any]) -> Result:
     """Make the result; its bound is what verification recomputes, with the shared ``known``."""
     state = _verified(state, known)
     context, bound = state.context, state.outcome

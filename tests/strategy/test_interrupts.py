@@ -12,7 +12,7 @@ from search_cases import bilinear
 from solved import INF, check
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status
+from sparsepop_py import Options, Status, pipeline
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.local_search.feasibility import prove_feasible
@@ -193,3 +193,27 @@ def test_an_interrupt_at_the_start_of_any_phase(number, effort, monkeypatch):
         check(region.with_objective(objective), result)
         assert -2.0 - 1e-9 <= result.lower_bound <= objective(point)
     assert INTERRUPTED in results[-1].notes  # nothing goes on after it
+
+
+@pytest.mark.parametrize("name", ["_verified", "_status", "_points"])
+def test_interrupts_while_the_result_is_made_lose_nothing(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Of several objectives the others follow, too."""
+    original, calls = getattr(pipeline, name), []
+
+    def interrupted(*given):
+        calls.append(name)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return original(*given)
+
+    monkeypatch.setattr(pipeline, name, interrupted)
+    x, y = sp.variables(2)
+    disc = sp.Problem(x, [x**2 + y**2 <= 1])
+    found = sp.solve(disc)
+    calls.clear()
+    for result in (found, *sp.solve_each(disc, [x, -y])):
+        assert -1.0 - 1e-5 <= result.lower_bound <= -1.0
+        assert result.certificate.verify(result.problem)
+    assert len(calls) >= 3
