@@ -311,7 +311,7 @@ def _solve_apart(
 
 
 def _shared_out(options: Options, count: int) -> Options:
-    """Give each of several tasks its part of the limits that no clock on the wall tells."""
+    """Give each of several tasks its part of the limits on CPU time and work."""
     parts = {
         name: limit / count
         for name in ("cpu_limit", "work_limit")

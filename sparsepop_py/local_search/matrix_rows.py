@@ -101,7 +101,7 @@ class RowForm:
 
 
 def _near_one(entries: list[Polynomial]) -> list[Polynomial]:
-    """Scale huge and tiny entries by a power of two, so that their products are doubles."""
+    """Scale huge and tiny entries by a power of two: products stay doubles."""
     largest = max(float(np.abs(p.coefficients).max(initial=0.0)) for p in entries)
     power = int(np.frexp(largest)[1])
     if abs(power) < _USUAL:
