@@ -29,7 +29,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError, check_kind, entries_of
-from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.executors.dispatch import completed
 from sparsepop_py.local_search.extraction import means
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import (
@@ -298,12 +298,19 @@ def _solve_apart(
     """Solve problems as tasks of their own, in this process where the executor fails."""
     until = tasks[0][-1]
     patience = None if until is None else _PATIENCE * (until - time.time()) + 1.0
+    found: dict[int, Result] = {}
     try:
-        results = map_in_order(executor, _solve_task, tasks, patience)
+        for done in completed(executor, _solve_task, enumerate(tasks), patience=patience):
+            if done.value is None:
+                raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
+            found[done.key] = done.value
     except SparsePOPError as error:
         text = f"the executor failed ({error}): objectives are bounded in this process"
-        found = [_solve_task(task) for task in tasks]
-        results = [replace(one, notes=(*one.notes, text)) for one in found]
+        for number in range(len(tasks)):
+            if number not in found:
+                one = _solve_task(tasks[number])
+                found[number] = replace(one, notes=(*one.notes, text))
+    results = [found[number] for number in range(len(tasks))]
     if on_progress is not None:
         for number, each in enumerate(results):
             on_progress(number, each.lower_bound, each.upper_bound)

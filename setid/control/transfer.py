@@ -498,12 +498,22 @@ def _is_schur_with(polynomial: Sequence[Fraction], bits: int) -> bool | None:
             return False
         if last + error >= first - error:
             return None
-        k = (rest[-1] << bits) // rest[0]
-        slack = (2 * error << bits) // (first - error) + 2  # of k, whose size is below 1
-        most = max(map(abs, rest)) + error
-        rest = [a - (k * b >> bits) for a, b in zip(rest[:-1], rest[:0:-1], strict=True)]
-        error = 2 * error + (most * slack >> bits) + 2
+        rest, error = _stepped(rest, error, bits)
     return bool(rest)
+
+
+def _stepped(rest: list[int], error: int, bits: int) -> tuple[list[int], int]:
+    """Take one step of the recursion, of coefficients within an error of those given.
+
+    With k = last / first below 1 in size, k moves by at most 2 error / (first - error), and each
+    coefficient a - k b by the error of a, that of b, and as much as k moves times b.
+    """
+    first = abs(rest[0])
+    k = (rest[-1] << bits) // rest[0]
+    slack = (2 * error << bits) // (first - error) + 2
+    most = max(map(abs, rest)) + error
+    new = [a - (k * b >> bits) for a, b in zip(rest[:-1], rest[:0:-1], strict=True)]
+    return new, 2 * error + (most * slack >> bits) + 2
 
 
 def _text(polynomial: Exact) -> str:

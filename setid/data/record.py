@@ -447,6 +447,12 @@ class IOData:
         ------
         DataError
             If no such rows exist, or no reading is left of a channel.
+
+        Examples
+        --------
+        >>> import setid
+        >>> setid.IOData([1, 2, 3, 4], [5, 6, 7, 8]).part(1, 3).y.ravel()
+        array([6., 7.])
         """
         begin = natural(first, "first", DataError)
         stop = natural(end, "end", DataError, least=begin + 1)

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.minimum_noise.best_first import BestFirst
 from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.cones.best_first import BestFirst
 from setid.minimum_noise.cones.edges import edge_weights
 from setid.minimum_noise.programs import Programs, shifted
 from setid.proofs.denominators.cones import Cone, split_cone

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.minimum_noise.attained_noise import AttainedNoise
-from setid.minimum_noise.best_first import BestFirst
 from setid.minimum_noise.claims import FoundDenominators
+from setid.minimum_noise.cones.best_first import BestFirst
 from setid.minimum_noise.cones.edges import changing_edge, handed_on
 from setid.minimum_noise.cones.search import follow_denominators
 from setid.minimum_noise.corners import by_corners

@@ -206,11 +206,16 @@ class ExactTerms:
 
         Raises
         ------
-        OverflowError
+        ProblemError
             If one is too large for a double.
         """
         below = self.denominator
-        return np.array([number / below for number in self.numerators.tolist()], float)
+        try:
+            return np.array([number / below for number in self.numerators.tolist()], float)
+        except OverflowError:
+            raise ProblemError(
+                "coefficients: a product or a sum of equal monomials overflows"
+            ) from None
 
     def are_doubles(self, values: NDArray[np.float64]) -> bool:
         """Tell whether these doubles, as :meth:`rounded` gives them, are the coefficients."""
@@ -258,12 +263,7 @@ def _within_bits(terms: ExactTerms) -> ExactTerms:
     terms = ExactTerms(terms.words, shorter, below, terms.followed)
     if _longest(numbers, below) <= LARGEST_BITS:
         return terms
-    try:
-        values = terms.rounded()
-    except OverflowError:
-        raise ProblemError(
-            "coefficients: a product or a sum of equal monomials overflows"
-        ) from None
+    values = terms.rounded()
     keep = values != 0.0
     near = ExactTerms.of_doubles(monomials.trim(terms.words[keep]), values[keep])
     return ExactTerms(near.words, near.numerators, near.denominator, False)

@@ -367,12 +367,7 @@ class Polynomial:
         terms: ExactTerms, dimension: int, names: tuple[str, ...] | None = None
     ) -> Polynomial:
         """Round each coefficient once, and remember the terms if that changed one."""
-        try:
-            values = terms.rounded()
-        except OverflowError:
-            raise ProblemError(
-                "coefficients: a product or a sum of equal monomials overflows"
-            ) from None
+        values = terms.rounded()
         keep = values != 0.0
         words = terms.words if np.all(keep) else monomials.trim(terms.words[keep])
         made = Polynomial._of_sorted(words, values[keep], dimension, names)

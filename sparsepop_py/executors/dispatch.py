@@ -101,7 +101,6 @@ def map_in_order(
     executor: Executor | None,
     function: Callable[[Any], T],
     arguments: Iterable[Any],
-    patience: float | None = None,
 ) -> list[T]:
     """Apply a function to many arguments; results come in their order.
 
@@ -112,8 +111,6 @@ def map_in_order(
     function : callable
         Of an importable module, without effects: a task whose worker was lost runs again.
     arguments : iterable
-    patience : float, optional
-        Seconds after which an executor that has not done them all is given up.
 
     Returns
     -------
@@ -135,7 +132,7 @@ def map_in_order(
     if executor is None:
         return [function(argument) for argument in arguments]
     found: dict[int, T] = {}
-    for done in completed(executor, function, enumerate(arguments), patience=patience):
+    for done in completed(executor, function, enumerate(arguments)):
         if done.lost:
             raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
         found[done.key] = done.value  # type: ignore[assignment]
@@ -186,10 +183,18 @@ def completed(
     run: _Run[Key, T] = _Run(executor, function)
     rest = iter(tasks)
     end = None if patience is None else time.monotonic() + patience
+    refused: SparsePOPError | None = None  # what was taken before is waited for
     try:
         while True:
-            while len(run.waiting) < ahead and (task := next(rest, None)) is not None:
-                run.submit(*task, 1)
+            while refused is None and len(run.waiting) < ahead:
+                if (task := next(rest, None)) is None:
+                    break
+                try:
+                    run.submit(*task, 1)
+                except SparsePOPError as error:
+                    refused = error
+            if not run.waiting and refused is not None:
+                raise refused
             if not run.waiting:
                 return
             left = None if end is None else max(0.0, end - time.monotonic())

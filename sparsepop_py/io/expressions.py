@@ -440,7 +440,7 @@ class _Parser:
         n = len(self.vocabulary.names)
         try:
             product = _exact(left, n).times(_exact(right, n), n)
-        except OverflowError:
+        except ProblemError:
             raise self.overflow(position) from None
         self.followed = self.followed and product.followed
         words = product.words.tolist()

@@ -254,6 +254,12 @@ def test_infinite_numbers_are_no_variables(bound):
         of_text(f"min x; s.t. x >= {bound}")
 
 
+@pytest.mark.parametrize("text", ["min x² - 2*x; s.t. x >= 0", "min x³; s.t. x >= 1"])
+def test_superscripts_are_part_of_no_name(text):
+    with pytest.raises(Malformed):
+        of_text(text)
+
+
 GAMS = """Variables x1,x2,objvar;
 Equations e1,e2,e3;
 e1.. x1*x1 + x2 - objvar =E= 0;

@@ -56,8 +56,14 @@ def test_each_objective_is_a_task_with_its_part_of_the_limits(given: bool) -> No
 def test_an_executor_that_refuses_is_replaced_by_this_process(error: Exception) -> None:
     found = sp.solve_each(DISC, OBJECTIVES, executor=Counting(1, error))
     check(found)
-    for result in found:
+    for result in found[1:]:  # the first was brought
         assert any("the executor failed" in note for note in result.notes)
+
+
+def test_results_that_were_brought_before_a_failure_are_kept() -> None:
+    found = sp.solve_each(DISC, OBJECTIVES, executor=Counting(2, RuntimeError("it is shut down")))
+    check(found)
+    assert [bool(result.notes) for result in found] == [False, False, True]
 
 
 def test_an_executor_that_was_shut_down() -> None:

@@ -10,7 +10,14 @@ from scipy.signal import cont2discrete, lfilter
 
 import setid
 from setid import control
-from setid.control.transfer import _is_schur_with, is_schur, simulate_exactly, times
+from setid.control.transfer import (
+    _PRIME,
+    _is_schur_with,
+    _stepped,
+    is_schur,
+    simulate_exactly,
+    times,
+)
 
 # Laboratory plant 4500/(s^2+16s+4500) and reference (51.54s+861.8)/(s^2+56.97s+861.8), zero-order
 # hold; ideal controllers by exact arithmetic (LRIC laboratories 7 and 8).
@@ -130,6 +137,41 @@ def test_fixed_point_decides_as_rationals_do_or_not_at_all(seed: int) -> None:
             known = _is_schur_with(polynomial, bits)
             assert known is None or known == stepped_down(polynomial)
         assert is_schur(polynomial) == stepped_down(polynomial)
+
+
+def test_few_bits_decide_nothing_that_rationals_do_not() -> None:
+    """The last reflection coefficient is next to 1 on either side, the others are near 1."""
+    rng, decided = np.random.default_rng(0), 0
+    for _ in range(4000):
+        last = 1 + Fraction(int(rng.choice([-1, 1])), 2 ** int(rng.integers(2, 12)))
+        others = [
+            int(rng.choice([-1, 1])) * (1 - Fraction(1, 2 ** int(rng.integers(0, 7))))
+            for _ in range(int(rng.integers(1, 5)))
+        ]
+        polynomial = (Fraction(1),)
+        for k in (last, *others):  # the recursion, backwards
+            longer = (*polynomial, Fraction(0))
+            polynomial = tuple(a + k * b for a, b in zip(longer, longer[::-1], strict=True))
+        for bits in range(5, 24):
+            known = _is_schur_with(polynomial, bits)
+            decided += known is not None
+            assert known is None or known == (abs(last) < 1), (polynomial, bits)
+    assert decided > 1000
+
+
+def test_a_step_encloses_all_that_is_within_the_error() -> None:
+    """At the ends of the errors, which rounding alone does not reach together."""
+    rng, bits = np.random.default_rng(1), 12
+    for _ in range(3000):
+        error, size = int(rng.integers(1, 20)), int(rng.integers(2, 7))
+        rest = [int(v) for v in rng.integers(-4000, 4001, size)]
+        rest[0] = int(rng.choice([-1, 1])) * (abs(rest[-1]) + 2 * error + int(rng.integers(1, 40)))
+        new, wider = _stepped(rest, error, bits)
+        for signs in rng.choice([-1, 1], (8, size)):
+            true = [Fraction(v + error * int(s)) for v, s in zip(rest, signs, strict=True)]
+            k = true[-1] / true[0]
+            exact = [a - k * b for a, b in zip(true[:-1], true[:0:-1], strict=True)]
+            assert all(abs(a - b) <= wider for a, b in zip(exact, new, strict=True))
 
 
 def stepped_down(polynomial: tuple[Fraction, ...]) -> bool:
@@ -290,3 +332,16 @@ def test_common_factors_are_found_and_no_others(seed: int) -> None:
     long = [Fraction(float(v)) for v in [1.0, *random.uniform(-0.1, 0.1, 80)]]
     kept = control.Transfer(long[::-1], long).reduced()
     assert len(kept.denominator) == 81
+
+
+def test_factors_that_are_none_modulo_the_prime_are_found() -> None:
+    """1 + p q^-1 is 1 modulo p; and 1/p has no value there."""
+    p = _PRIME
+    common = (Fraction(1), Fraction(p))
+    one, other = (Fraction(1), Fraction(2)), (Fraction(1), Fraction(3))
+    whole = control.Transfer(times(one, common), times(other, common)).reduced()
+    assert whole.order == 1 and whole.denominator[1] / whole.denominator[0] == 3
+    small = (Fraction(1), Fraction(1, p))
+    for top, below in ((small, other), (other, small)):
+        kept = control.Transfer(times(top, one), times(below, one)).reduced()
+        assert kept.order == 1
