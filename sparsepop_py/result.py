@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -132,16 +133,16 @@ class HistoryEntry:
     nodes: int = 0
 
 
-class Summarised:
+class Summarised(ABC):
     """Common part of results with and without ratios: how they are shown."""
 
     status: Status
     lower_bound: float
     upper_bound: float
 
+    @abstractmethod
     def summary(self) -> str:
         """Describe the result in a few lines of text."""
-        raise NotImplementedError
 
     def __str__(self) -> str:
         return self.summary()
