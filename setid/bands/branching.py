@@ -23,6 +23,7 @@ from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_
 from setid.proofs.time_bands.partition import Partition, Ranges
 
 __all__ = [
+    "FIRST_SECONDS",
     "Effort",
     "Found",
     "attained_by",
@@ -34,6 +35,7 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
+FIRST_SECONDS = 5.0  # that the first cell may take after the time is over, or the limit once more
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
@@ -50,11 +52,14 @@ class Effort:
         Reading of ``time.monotonic``.
     cells : int
         Largest number of cells that are looked at.
+    first : float
+        Reading at which also the first cell ends, with the box for what is left of its programs.
     """
 
     tolerance: float
     until: float
     cells: int = 20_000
+    first: float = inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +182,7 @@ class _Search:
     def run(self, seeds: list[NDArray[np.int64]]) -> Found:
         heap: list[tuple[float, int]] = []
         for number in self.partition.numbers:
-            self._look(number, seeds, heap)
+            self._look(number, seeds, heap, self.effort.first)
         while heap:
             _, number = heapq.heappop(heap)
             worst = self._excess(number)  # less than it was when more points are known
@@ -204,11 +209,15 @@ class _Search:
         return now < self.effort.until and self.cells < self.effort.cells
 
     def _look(
-        self, number: int, seeds: list[NDArray[np.int64]], heap: list[tuple[float, int]]
+        self,
+        number: int,
+        seeds: list[NDArray[np.int64]],
+        heap: list[tuple[float, int]],
+        until: float = inf,
     ) -> None:
         """Enclose a cell, or find it empty."""
         self.cells += 1
-        source = Proposer(self.partition.polytope(number), seeds)
+        source = Proposer(self.partition.polytope(number), seeds, until)
         if not self.partition.tighten(number, source):
             return
         if source.contradictory:
@@ -322,7 +331,7 @@ def branched(
         all time can be proved; the input must be constant in the last ones.
     """
     columns = experiment.row.columns
-    root = surveyed(cover, columns)
+    root = surveyed(cover, columns, effort.first)
     width = np.maximum(cover.upper - cover.lower, 1e-300)
     frame = principal_frame(root.points, columns, width[columns])
     partition = Partition(experiment, cover, frame, root)
@@ -337,9 +346,9 @@ def branched(
     return search.run(sides)
 
 
-def surveyed(cover: Cover, columns: NDArray[np.int64]) -> Proposer:
+def surveyed(cover: Cover, columns: NDArray[np.int64], until: float = inf) -> Proposer:
     """Choose bases of a cover for directions all around, most of them of some parameters."""
-    source = Proposer(cover)
+    source = Proposer(cover, until=until)
     rng, p = np.random.default_rng(0), cover.lower.size
     width = np.maximum(cover.upper - cover.lower, 1e-300)
     wanted = rng.standard_normal((_DIRECTIONS, p)) / width

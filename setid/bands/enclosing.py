@@ -9,7 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.branching import Effort, Found, attained_by, branched, force_of, slopes_of
+from setid.bands.branching import (
+    FIRST_SECONDS,
+    Effort,
+    Found,
+    attained_by,
+    branched,
+    force_of,
+    slopes_of,
+)
 from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
 from setid.data.checks import number
 from setid.data.record import IOData
@@ -194,25 +202,28 @@ def _all_bands(
             "result: found an infinite interval, expected finite ones for proved bands; "
             "give priors such as Box or Stable"
         )
-    until = begin + accuracy.time_limit
+    efforts = _efforts(len(tasks), begin, accuracy)
     if cover.exact:
         known = coordinates.values(result.attained)
         return [
-            _one(task, cover, known, Effort(accuracy.tolerance, share), settle)
-            for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
+            _one(task, cover, known, effort, settle)
+            for task, effort in zip(tasks, efforts, strict=False)
         ]
     asked, drawn = narrowing_of(result, coordinates), _members(result, accuracy)
     return [
-        _narrowed(task, asked, drawn, Effort(accuracy.tolerance, share), settle)
-        for task, share in zip(tasks, _shares(len(tasks), until), strict=False)
+        _narrowed(task, asked, drawn, effort, settle)
+        for task, effort in zip(tasks, efforts, strict=False)
     ]
 
 
-def _shares(count: int, until: float) -> Iterator[float]:
-    """Tell when each of so many tasks should be over, one after the other."""
+def _efforts(count: int, begin: float, accuracy: Accuracy) -> Iterator[Effort]:
+    """Share the time among so many tasks, one after the other."""
+    until = begin + accuracy.time_limit
+    more = max(accuracy.time_limit, FIRST_SECONDS) / max(count, 1)
     for left in range(count, 0, -1):
         now = time.monotonic()
-        yield now + max(until - now, 0.0) / left
+        share = now + max(until - now, 0.0) / left
+        yield Effort(accuracy.tolerance, share, first=share + more)
 
 
 def _narrowed(

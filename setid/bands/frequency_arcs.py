@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,11 @@ _LEVELS = 6  # of halving all cells
 
 
 def refined_arcs(
-    cover: Cover, theta: Reals, families: tuple[Family, Family], until: float
+    cover: Cover,
+    theta: Reals,
+    families: tuple[Family, Family],
+    until: float,
+    late: float = inf,
 ) -> ArcRegions:
     """Enclose responses on arcs that cover all frequencies.
 
@@ -47,9 +52,11 @@ def refined_arcs(
     families : (numerator, denominator)
     until : float
         Reading of ``time.monotonic`` after which no arc is halved and no cell is cut.
+    late : float
+        Reading after which first arcs are enclosed with the box alone.
     """
     columns = np.flatnonzero(np.any(families[1].weights != 0.0, axis=0))
-    source = surveyed(cover, columns)
+    source = surveyed(cover, columns, late)
     search = _Search(cover, theta, families, until, source)
     whole = search.halved(first_arcs(), [(cover, source, theta)])
     if not columns.size:

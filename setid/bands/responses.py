@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from setid.bands.branching import FIRST_SECONDS
 from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
 from setid.data.checks import frozen, natural, number, real_array, word
@@ -40,6 +41,7 @@ __all__ = ["FrequencyBand", "frequency_band"]
 _FREQUENCIES = 32  # of one task
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+_Given = tuple[Cover, Reals, tuple[Complexes, Complexes], float]  # of frequency_regions
 _SHARE = 0.7  # of the time, for ranges of responses
 _TOLERANCE = 0.1  # share of the members' range that these may reach beyond it on each side
 
@@ -257,14 +259,16 @@ def frequency_band(
     arcs = None
     check_executor(executor)
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
-        until = time.monotonic() + number(time_limit, "time_limit", SetidError)
+        seconds = number(time_limit, "time_limit", SetidError)
+        until = time.monotonic() + seconds
+        late = until + max(seconds, FIRST_SECONDS)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
         cover = _narrowed(result, theta, weights, _SHARE * time_limit)
         rounding = rounding_of(model, output, input)
-        found = _proved((cover, theta, weights, rounding), executor)
+        found = _proved((cover, theta, weights, rounding), late, executor)
         if not continuous and np.all(np.isfinite([cover.lower, cover.upper])):
             families = families_of(transfer_of(model, output, input), model.parameters)
-            arcs = refined_arcs(cover, theta, families, until)
+            arcs = refined_arcs(cover, theta, families, until, late)
             found = _met(found, arcs, frequencies * data.Ts, response)
     else:
         thetas = np.vstack([theta, members(result, samples, seed)])
@@ -313,22 +317,24 @@ def _slopes(theta: Reals, weights: tuple[Complexes, Complexes]) -> Reals:
 
 
 def _proved(
-    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float], executor: Executor | None
+    given: _Given, late: float, executor: Executor | None
 ) -> tuple[Reals, Reals, Complexes]:
     """Bound gains, phases about the nominal one and regions, in parts if there is an executor."""
     cover, theta, (a, b), rounding = given
+    left = late - time.monotonic()
     if executor is None or not len(a):
-        return _regions_task(given)
+        return _regions_task((given, left))
     parts = [slice(k, k + _FREQUENCIES) for k in range(0, len(a), _FREQUENCIES)]
-    tasks = [(cover, theta, (a[part], b[part]), rounding) for part in parts]
+    tasks = [((cover, theta, (a[part], b[part]), rounding), left) for part in parts]
     gains, turns, regions = zip(*map_in_order(executor, _regions_task, tasks), strict=True)
     return np.concatenate(gains), np.concatenate(turns), np.concatenate(regions)
 
 
-def _regions_task(
-    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float],
-) -> tuple[Reals, Reals, Complexes]:
-    return frequency_regions(*given, Proposer)
+def _regions_task(task: tuple[_Given, float]) -> tuple[Reals, Reals, Complexes]:
+    """Bound regions; linear programs are begun within so many seconds."""
+    given, left = task
+    until = time.monotonic() + left
+    return frequency_regions(*given, lambda cover: Proposer(cover, until=until))
 
 
 def _met(

@@ -2,12 +2,16 @@
 
 A basis that is optimal for one direction is optimal for every direction for which its multipliers
 are not negative. So few of many programs are solved, each from the basis of the one before, and all
-directions of a basis are served by one product of matrices. Nothing proved rests on any of it.
+directions of a basis are served by one product of matrices. A program has the rows that bind
+somewhere, few of those of a long record: what a solution violates is added. Nothing proved rests on
+any of it.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -24,6 +28,8 @@ Rows = NDArray[np.int64]
 _LARGEST_CONDITION = 1e12  # of bases that are kept
 _KEPT = 400  # bases
 _NEAR = 1e-8  # of the box: how far beyond a row the vertex of a basis may lie
+_VIOLATED = 1e-9  # of the box: rows that are violated by more are added to a program
+_TOGETHER = 2  # rows a parameter that are added at once
 _TINY = 1e-300
 
 
@@ -39,6 +45,8 @@ class Proposer:
     seeds : sequence of (p,) int
         Bases to begin with, such as those of a polytope with the same rows and other right sides;
         see :attr:`bases`. Those whose vertex lies outside are left out.
+    until : float
+        Reading of ``time.monotonic`` after which no program is begun.
 
     Examples
     --------
@@ -52,7 +60,8 @@ class Proposer:
     ([0], [[1.0]])
     """
 
-    def __init__(self, spaces: HalfSpaces, seeds: Sequence[Rows] = ()) -> None:
+    def __init__(self, spaces: HalfSpaces, seeds: Sequence[Rows] = (), until: float = inf) -> None:
+        self._until = until
         self._unit = np.maximum(spaces.upper / 2 - spaces.lower / 2, _TINY)
         self._middle = np.asarray(spaces.lower / 2 + spaces.upper / 2, np.float64)
         scaled = spaces.matrix * self._unit
@@ -64,6 +73,7 @@ class Proposer:
         self._sides = np.concatenate([self._table, eye, -eye])
         self._ends = np.concatenate([self._room, np.ones(2 * p)])
         self._program: LinearModel | None = None
+        self._known = np.zeros(0, np.int64)  # rows of the program
         self._inverses: list[Reals] = []
         self.bases: list[Rows] = []
         """Rows of each basis: m rows, then p upper and p lower sides of the box."""
@@ -82,6 +92,11 @@ class Proposer:
         found = [inv @ self._ends[b] for b, inv in zip(self.bases, self._inverses, strict=True)]
         return self._middle + self._unit * np.reshape(found, (-1, self._unit.size))
 
+    @property
+    def program_rows(self) -> int:
+        """Number of rows in the linear program so far."""
+        return self._known.size
+
     def multipliers(self, directions: Reals) -> Iterator[Proposal]:
         """Propose multipliers for the largest values of directions (K, p) times x."""
         goals = directions * self._unit
@@ -91,6 +106,8 @@ class Proposer:
         for place in range(len(self.bases)):
             yield from self._served(place, goals, sizes, open_)
         while np.any(open_) and self._norm.size and not self.contradictory:
+            if time.monotonic() > self._until:
+                return
             first = int(np.flatnonzero(open_)[0])
             if self._solved(goals[first]):
                 yield from self._served(len(self.bases) - 1, goals, sizes, open_, first)
@@ -132,19 +149,35 @@ class Proposer:
 
     def _solved(self, goal: Reals) -> bool:
         """Solve for one direction; whether that added a basis."""
+        m, p = self._table.shape
         if self._program is None:
-            m, p = self._table.shape
+            self._known = _begun(self.bases, m)
             sides = np.full(p, -1.0), np.full(p, 1.0)
-            below = np.full(m, -np.inf), self._room
-            self._program = LinearModel(sps.csr_array(self._table), below, sides)
-        found = self._program.solve(-goal)
+            below = np.full(self._known.size, -np.inf), self._room[self._known]
+            self._program = LinearModel(sps.csr_array(self._table[self._known]), below, sides)
+        while (found := self._program.solve(-goal)).status == "solved":
+            missed = self._missed(found.x)
+            if not missed.size:
+                break
+            self._known = np.append(self._known, missed)
+            self._program.add(self._table[missed], self._room[missed])
         if found.status != "solved":
             self.contradictory = found.status == "infeasible"
             return False
         rows, columns = self._program.active()
-        m, p = self._table.shape
         upper = found.x[columns] > 0.0
+        rows = self._known[rows]
         return self._keep(np.concatenate([rows, m + columns + np.where(upper, 0, p)]))
+
+    def _missed(self, x: Reals) -> Rows:
+        """Choose rows that a point (p,) violates, those it violates most."""
+        beyond = self._table @ x - self._room
+        beyond[self._known] = -np.inf
+        missed = np.flatnonzero(beyond > _VIOLATED)
+        most = _TOGETHER * self._unit.size
+        if missed.size > most:
+            missed = missed[np.argpartition(-beyond[missed], most)[:most]]
+        return missed
 
     def _keep(self, rows: Rows, check: bool = False) -> bool:
         """Add a basis; False where it is none or its vertex is to be looked at and is outside."""
@@ -159,3 +192,9 @@ class Proposer:
         self.bases.append(rows)
         self._inverses.append(inverse)
         return True
+
+
+def _begun(bases: Sequence[Rows], count: int) -> Rows:
+    """List the rows, of so many, on which bases rest."""
+    rows = np.unique(np.concatenate([*bases, np.zeros(0, np.int64)]))
+    return rows[rows < count]

@@ -149,6 +149,18 @@ class LinearModel:
         self._shape = (m, n)
         self._feasible = False
 
+    def add(self, table: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
+        """Add rows table x <= upper, dense (k, n) and (k,), behind the others; the basis stays.
+
+        They are basic, so that the next solve begins where the last one ended.
+        """
+        assert self._shape is not None
+        rows, (m, n) = _rows_of(table), self._shape
+        below = np.full(upper.size, -np.inf)
+        parts = rows.indptr[:-1], rows.indices, rows.data
+        self._highs.addRows(upper.size, below, upper, rows.data.size, *parts)
+        self._shape, self._feasible = (m + upper.size, n), False
+
     def bound(self, columns: NDArray[Any], lower: NDArray[Any], upper: NDArray[Any]) -> None:
         """Set other bounds for some columns."""
         self._feasible = False

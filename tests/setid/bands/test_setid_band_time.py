@@ -7,6 +7,7 @@ import pytest
 
 import setid
 from setid.bands import branching
+from setid.feasible_set import proposer
 from setid.proofs.time_bands.partition import Partition
 
 
@@ -35,6 +36,25 @@ def test_cells_that_wait_are_enclosed_in_the_time_that_is_left(
     monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
     band = unstable.step(30, tolerance=0.01, time_limit=10.0)
     assert band.report.cells > 3 and 5.0 < clock[0] < 14.0
+
+
+def test_bands_end_where_programs_take_long(
+    unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a machine on which each program takes ten seconds, a limit of one second is kept."""
+    clock, solved = [0.0], proposer.Proposer._solved
+
+    def slow(self, goal):
+        clock[0] += 10.0
+        return solved(self, goal)
+
+    monkeypatch.setattr(proposer.Proposer, "_solved", slow)
+    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    unstable.step(30, time_limit=1.0)
+    assert 0.0 < clock[0] <= 30.0
+    clock[0] = 0.0
+    unstable.bode([0.1, 1.0, 2.0], time_limit=1.0)
+    assert 0.0 < clock[0] <= 30.0
 
 
 @pytest.mark.parametrize("name", ["bode", "nyquist", "nichols"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from identification_cases import PLANT
 from identified_cases import empty, first_order, identified, second_order
+from scipy.optimize import linprog
 
 import setid
 from setid.feasible_points.centre import central
@@ -21,6 +23,7 @@ from setid.feasible_points.members import (
 )
 from setid.feasible_set.proposer import Proposer
 from setid.feasible_set.supports import cover_of, supports
+from setid.proofs import supports as proved
 from setid.proofs.supports import Cover, safe_maxima
 
 RNG = np.random.default_rng(1)
@@ -169,6 +172,31 @@ def test_bases_are_shared_by_directions() -> None:
         bounds = safe_maxima(cover, directions[found.places], found.rows, found.weights)
         reached = (source.points @ directions[found.places].T).max(axis=0)
         assert np.all(bounds >= reached - 1e-9 * np.abs(reached))
+
+
+def test_few_rows_of_a_long_record_are_in_the_programs() -> None:
+    """Tangents of a ball: the support of each direction is that of all rows, by SciPy."""
+    rng = np.random.default_rng(5)
+    rows = rng.normal(size=(4000, 4))
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    right = 1.0 + 0.3 * rng.random(4000)
+    cover = Cover(("a", "b", "c", "d"), np.full(4, -2.0), np.full(4, 2.0), rows, right, True)
+    source, directions = Proposer(cover), rng.normal(size=(12, 4))
+    found = proved.supports(cover, directions, lambda _: source)[:, 1]
+    for direction, most in zip(directions, found, strict=True):
+        solved = linprog(-direction, rows, right, bounds=[(-2.0, 2.0)] * 4)
+        assert most == pytest.approx(-solved.fun, rel=1e-7)
+    assert source.program_rows < 1000
+
+
+def test_no_program_is_begun_when_time_is_over() -> None:
+    cover = cover_of(second_order())
+    source = Proposer(cover, until=time.monotonic() - 1.0)
+    assert list(source.multipliers(np.eye(5))) == [] and not source.contradictory
+    known = Proposer(cover)
+    wanted = len(list(known.multipliers(np.eye(5))))
+    late = Proposer(cover, known.bases, time.monotonic() - 1.0)
+    assert len(list(late.multipliers(np.eye(5)))) == wanted  # what bases serve needs no program
 
 
 def test_contradictory_rows_are_named() -> None:

@@ -181,6 +181,19 @@ def test_cells_narrow_the_band_towards_what_is_attained() -> None:
         assert holds(many.ranges.low, many.ranges.high, replayed(task, theta))
 
 
+def test_the_first_cell_ends_with_the_time_and_holds() -> None:
+    """Without any program the box bounds everything, more widely."""
+    cover, task = box(THETA, 0.05, rows=6), experiment(SECOND, 12)
+    found = branched(task, cover, Effort(0.02, -np.inf, first=-np.inf))
+    whole = branched(task, cover, Effort(0.02, -np.inf))
+    assert found.ranges is not None and whole.ranges is not None and found.cells == 1
+    assert np.max(found.ranges.high - found.ranges.low) > np.max(
+        whole.ranges.high - whole.ranges.low
+    )
+    for theta in members(cover):
+        assert holds(found.ranges.low, found.ranges.high, replayed(task, theta))
+
+
 @pytest.mark.parametrize("lead", [0.5, 0.0])
 def test_coefficients_of_the_sample_itself_may_be_parameters(lead: float) -> None:
     """(1 + t0) y(k) + t1 y(k-1) = t2 u(k) + t0 as continuous-time structures have it."""
