@@ -125,7 +125,7 @@ def _rounded(
 ) -> Iterator[ExactGram]:
     """Round the Gram matrix of one solution with growing precision."""
     normed, rows = _normed(objective, sparse, BOUNDING.trace)
-    solution = solve_conic(normed, "clarabel", time_limit)
+    solution = solve_conic(normed, "clarabel", time_limit, BOUNDING.rounded_accuracy)
     if solution.status not in ("solved", "almost"):
         return
     basis, first, second, value = entries_of(sparse, rows * solution.z)

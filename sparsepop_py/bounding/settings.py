@@ -35,6 +35,8 @@ class BoundingSettings:
         Share of its gain that a bound of a variable may lose to shorter multipliers.
     rough_accuracy : float
         Accuracy that is enough of a solver whose gap is that of its safe value.
+    rounded_accuracy : float
+        Accuracy that is enough of a solver whose matrices are rounded to ``bits``.
     moments : int
         Moments from which residuals add up to more than the gap that a solver leaves.
     margins : tuple of float
@@ -76,6 +78,7 @@ class BoundingSettings:
     likely: float = 0.05
     short_loss: float = 0.01
     rough_accuracy: float = 5e-3
+    rounded_accuracy: float = 1e-5
     moments: int = 100
     margins: tuple[float, ...] = (1e-8, 1e-6, 1e-4)
     accuracies: tuple[float, ...] = (1e-7, 1e-6, 1e-5, 1e-4)

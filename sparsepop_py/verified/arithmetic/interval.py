@@ -347,8 +347,10 @@ def exact_values(
         (v.numerator, place, v.denominator >> place) for v, place in zip(x, places, strict=True)
     ]
     sums: dict[tuple[int, int], tuple[int, int]] = {}  # by polynomial and odd denominator
+    vanishes = np.array([False, *(v == 0 for v in x)])
+    left = ~vanishes[words].any(axis=1)
     for letters, coefficient, number in zip(
-        words.tolist(), coefficients.tolist(), row.tolist(), strict=True
+        words[left].tolist(), coefficients[left].tolist(), row[left].tolist(), strict=True
     ):
         top, bottom = coefficient.as_integer_ratio()
         place, odd = bottom.bit_length() - 1, 1  # the term is top / (odd 2^place)
