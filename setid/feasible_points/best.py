@@ -29,8 +29,8 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.regression import Regression
 from setid.models.continuous import at_rate
 from setid.models.equations import Structure
+from setid.simulation.recursions import leading
 from setid.simulation.responses import begun, run
-from setid.simulation.simulate import leading
 
 __all__ = ["BestMember", "Goal", "best", "fit", "predicted", "simulated", "started"]
 

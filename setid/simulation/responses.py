@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +13,8 @@ from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Structure, Transfer, channel_of
 from setid.models.general import BlockStructured
 from setid.models.lti import TransferFunction
-from setid.simulation.simulate import leading, simulate, weight
+from setid.simulation.recursions import solve_equations
+from setid.simulation.simulate import simulate
 
 __all__ = [
     "begun",
@@ -289,31 +289,9 @@ def _continued(
     y: Reals,
     first: int,
 ) -> Reals:
-    """From some sample on, after complete readings, sample by sample."""
-    result = y.copy()
+    """From some sample on, after complete readings."""
+    signals = {f"u{j + 1}": column for j, column in enumerate(u.T)}
+    signals |= {f"y{i + 1}": column.copy() for i, column in enumerate(y.T)}
     place = dict(zip(names, theta.tolist(), strict=True))
-    signals: Mapping[str, Any] = {
-        **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},
-        **{f"y{i + 1}": result[:, i] for i in range(y.shape[1])},
-    }
-    steps = [
-        (
-            signals[equation.defines],
-            leading(equation, place),
-            [
-                (-weight(term, place), [(signals[s.signal], s.lag) for s in term.signals])
-                for term in equation.explicit
-            ],
-        )
-        for equation in equations
-    ]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(first, len(y)):
-            for target, lead, terms in steps:
-                value = 0.0
-                for factor, factors in terms:
-                    for samples, lag in factors:
-                        factor *= samples[k - lag]
-                    value += factor
-                target[k] = value / lead
-    return result
+    solve_equations(equations, place, signals, first, {})
+    return np.stack([signals[f"y{i + 1}"] for i in range(y.shape[1])], axis=1)

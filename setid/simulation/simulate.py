@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +14,10 @@ from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
 from setid.models.continuous import at_rate, interval_of
-from setid.models.equations import Equation, Structure, Term, channel_of
+from setid.models.equations import Equation, Structure, channel_of
+from setid.simulation.recursions import solve_equations
 
-__all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
+__all__ = ["Simulated", "simulate", "simulate_record"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,57 +185,21 @@ def _simulate(
     inputs: NDArray[np.float64],
     errors: NDArray[np.float64],
 ) -> dict[str, NDArray[np.float64]]:
-    """All signals, sample by sample: each equation gives the signal that it defines."""
+    """All signals: each equation gives the one that it defines."""
     equations = model.equations()
     given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
     _check_causal(equations, {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given))
     samples, pad = inputs.shape[0], max(e.lag for e in equations)
-    signals: dict[str, list[float]] = {
-        f"u{i + 1}": [0.0] * pad + column.tolist() for i, column in enumerate(inputs.T)
+    signals = {f"u{i + 1}": column for i, column in enumerate(inputs.T)} | given
+    padded = {name: np.append(np.zeros(pad), column) for name, column in signals.items()}
+    padded |= {equation.defines: np.zeros(pad + samples) for equation in equations}
+    drives = {
+        equation.defines: np.append(np.zeros(pad), errors[:, equation.output])
+        for equation in equations
+        if equation.error and equation.output is not None
     }
-    signals |= {name: [0.0] * pad + column.tolist() for name, column in given.items()}
-    for equation in equations:
-        signals[equation.defines] = [0.0] * (pad + samples)
-    steps: list[tuple[list[float], float, list[float], list[Any]]] = []
-    for equation in equations:
-        driven = equation.error and equation.output is not None
-        drive = errors[:, equation.output].tolist() if driven else [0.0] * samples
-        terms = [
-            (-weight(t, theta), [(signals[s.signal], s.lag) for s in t.signals])
-            for t in equation.explicit
-        ]
-        steps.append((signals[equation.defines], leading(equation, theta), drive, terms))
-    for k in range(samples):
-        for target, lead, drive, terms in steps:
-            value = drive[k]
-            for product, factors in terms:
-                for samples_of, lag in factors:
-                    product *= samples_of[pad + k - lag]
-                value += product
-            target[pad + k] = value / lead
-    return {name: np.array(values[pad:]) for name, values in signals.items()}
-
-
-def weight(term: Term, theta: Mapping[str, float]) -> float:
-    """Compute the factor of the signals of a term."""
-    return float(term.coefficient) * math.prod((theta[name] for name in term.parameters), start=1.0)
-
-
-def leading(equation: Equation, theta: Mapping[str, float]) -> float:
-    """Compute the factor of the defined sample: 1, unless the equation is implicit.
-
-    Raises
-    ------
-    ModelError
-        If it is zero, so that the equation does not give the sample.
-    """
-    value = 1.0 + sum(weight(term, theta) for term in equation.implicit)
-    if value == 0.0:
-        raise ModelError(
-            f"theta: found a factor of zero before {equation.defines} at the same sample, "
-            "expected parameters with which the equation gives it"
-        )
-    return value
+    solve_equations(equations, theta, padded, pad, drives)
+    return {name: values[pad:] for name, values in padded.items()}
 
 
 def _check_causal(equations: Sequence[Equation], given: set[str]) -> None:
