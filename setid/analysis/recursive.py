@@ -65,7 +65,8 @@ class UpdateCost:
     samples : int
         That were given.
     solved : int
-        That cut the box, so that bounds were computed anew.
+        At which bounds were computed anew: those that may cut the box, and all as long as none
+        is left out.
     retained : int
         Samples on which the claims may rest now; at most the limit.
     last, largest, mean : float
@@ -106,7 +107,8 @@ class Recursive:
     noise : Noise
         Bounds, one number or one a channel.
     priors : iterable of priors and ``sp`` constraints
-        Without a prior, intervals are infinite until the samples bound them.
+        Their bounds hold from the beginning. Without a prior, intervals are infinite until the
+        samples bound them.
     limit : int, optional
         Largest number of samples that are retained (the complexity); at least 4 p^2. When left
         out, the larger of 60 and 4 p^2.
@@ -174,6 +176,7 @@ class Recursive:
         self.noise = _check_noise(noise, self.model)
         self.priors = tuple(listed(priors))
         check_priors(self.priors, self.model)
+        self._given = _bounds_of(self.priors, self.model)
         check_executor(executor)
         least = 4 * len(self.model.parameters) ** 2
         retained = max(_RETAINED, least) if limit is None else limit
@@ -222,7 +225,10 @@ class Recursive:
     def _interval(self, name: str) -> ParameterInterval:
         found = [evidence.intervals[name] for evidence, _ in self._claims]
         if not found:
-            return ParameterInterval(name, (-inf, inf), None, IntervalStatus.UNBOUNDED)
+            outer = self._given.get(name, (-inf, inf))
+            free = self.complete and not self.priors  # only then any value is consistent
+            status = IntervalStatus.UNBOUNDED if free else IntervalStatus.PARTIAL
+            return ParameterInterval(name, outer, None, status)
         if self.complete and len(found) == 1:
             return found[0]
         outer = max(i.outer[0] for i in found), min(i.outer[1] for i in found)
@@ -450,12 +456,16 @@ class Recursive:
             lines.append(f"proved inconsistent at sample {self.inconsistent_at}")
         cost = self.cost
         lines.append(
-            f"{cost.samples} samples, {cost.solved} of them cut the box, {cost.retained} retained; "
+            f"{cost.samples} samples, bounds computed anew at {cost.solved} of them, "
+            f"{cost.retained} retained; "
             f"CPU seconds a sample: {cost.mean:.2g}, at most {cost.largest:.2g}"
         )
         if self.window is not None:
             lines.append(f"samples older than {self.window} are forgotten")
-        lines.append("the exact set" if self.exact else "an outer box of the set")
+        if self._claims or not self.exact:
+            lines.append("the exact set" if self.exact else "an outer box of the set")
+        else:
+            lines.append("no equation so far: what the bounds of priors say")
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -548,6 +558,20 @@ def _from_unknown(model: Structure) -> Structure:
             "readings alone"
         )
     return from_unknown_start(model)
+
+
+def _bounds_of(
+    priors: Iterable[Prior | sp.Constraint], model: Structure
+) -> dict[str, tuple[float, float]]:
+    """Intersect the bounds that priors give, which hold before the first equation."""
+    found: dict[str, tuple[float, float]] = {}
+    for prior in priors:
+        if isinstance(prior, sp.Constraint):
+            continue
+        for name, (low, high) in prior.bounds(model).items():
+            before = found.get(name, (-inf, inf))
+            found[name] = max(before[0], low), min(before[1], high)
+    return found
 
 
 def _check_noise(noise: Noise, model: Structure) -> Noise:

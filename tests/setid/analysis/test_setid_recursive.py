@@ -274,3 +274,31 @@ def test_continuous_structures_take_the_interval_of_either_place() -> None:
     assert found[0] == found[1] == found[2]
     with pytest.raises(setid.ModelError, match="Ts: found None"):
         setid.Recursive(setid.ContinuousTransferFunction(1, 0), setid.Noise(output=0.1))
+
+
+def test_before_the_first_equation_priors_bound_and_nothing_else_is_claimed() -> None:
+    """With a1 in [-1, 1] by a prior it is false that consistent a1 of any size exist."""
+    priors = [setid.Stable(), setid.Box({"b1": (0, 3)}), setid.Box({"b1": (1, None)})]
+    noise = setid.Noise(equation=0.1)
+    online = setid.Recursive(MODEL, noise, priors)
+    for _ in range(2):
+        assert online.intervals["a1"].outer == (-1.0, 1.0)
+        assert online.intervals["b1"].outer == (1.0, 3.0)
+        assert {str(item.status) for item in online.intervals.values()} == {"partial"}
+        online.update(1.0, np.nan)
+    free = setid.Recursive(MODEL, noise)
+    assert str(free.intervals["a1"].status) == "unbounded" and "no equation" in free.summary()
+    free.update([1.0, 1.0], [np.nan, 1.0])  # what the missing reading leaves open is not known
+    assert str(free.intervals["a1"].status) == "partial"
+
+
+def test_the_summary_does_not_say_that_each_sample_cut_the_box() -> None:
+    """y = b1 u: the second sample says what the first one says."""
+    model = setid.TransferFunction(na=0, nb=1, nk=0)
+    online = setid.Recursive(model, setid.Noise(equation=0.1))
+    online.update(1.0, 1.0)
+    before = online.box
+    online.update(1.0, 1.0)
+    assert np.array_equal(before, online.box) and online.cost.solved == 2
+    assert "cut the box" not in online.summary()
+    assert "bounds computed anew at 2 of them" in online.summary()
