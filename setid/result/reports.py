@@ -195,12 +195,17 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
     values = [problem.rows.values(x) for x in points]
     found: dict[str, bool] = {}
     for place, prior in enumerate(formulation.priors):
-        rows = [r for r in formulation.rows.of_prior(place) if not problem.equality[r]]
+        own = {layout.index(name) for name in prior.unknowns(formulation.model)}
+        every = formulation.rows.of_prior(place)
+        rows = [r for r in every if not problem.equality[r]]
+        fixed = [problem.constraints[r].polynomial.support for r in every if problem.equality[r]]
         tight = any(
             v[r] <= _NEAR * _size(problem.constraints[r].polynomial, x)
             for x, v in zip(points, values, strict=True)
             for r in rows
         )
+        # an equation in the parameters alone always holds; others may define own unknowns
+        tight = tight or any(own.isdisjoint(np.asarray(used).tolist()) for used in fixed)
         ends = {**prior.bounds(formulation.model), **prior.unknowns(formulation.model)}
         for name, (low, high) in ends.items():
             x = np.array([point[layout.index(name)] for point in points])

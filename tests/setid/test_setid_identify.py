@@ -274,6 +274,23 @@ def test_priors_say_whether_they_were_active() -> None:
     assert np.all(ends(result)[:, 0] >= ends(free)[:, 0])
 
 
+@pytest.mark.parametrize(
+    ("prior", "active"),
+    [
+        (setid.DCGain(3.2), True),
+        (setid.PoleIn(0.4, 0.4), True),
+        (setid.parameters(FIRST)["b0"] == 2.0, True),
+        (setid.Physical({"K": (0, 9)}, ["b0 = 2", "K = b0"]), True),
+        (setid.Physical({"K": (0.0, 100.0)}, ["b0 = K*(1 + a1)"]), False),  # defines K alone
+    ],
+)
+def test_a_prior_that_is_an_equation_in_the_parameters_is_active(
+    prior: object, active: bool
+) -> None:
+    result = setid.identify(laboratory_two_first(), FIRST, setid.Noise(equation=0.5), [prior])
+    assert list(result.active.values()) == [active]
+
+
 def test_a_product_prior_on_equation_errors_uses_the_engine() -> None:
     data = laboratory_two_first()
     result = setid.identify(
