@@ -30,6 +30,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import Proposer
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import Regression, check_channels
+from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -182,7 +183,9 @@ class Comparison:
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
         if outside and band.kind == "proved":
-            sample, output = band.outside[0]
+            row, output = band.outside[0].tolist()
+            key = int(band.data.record[row]) + 1, row - int(band.data.first[row])
+            sample = samples_listed((key,), band.data.records)
             lines.append(
                 "the assumptions are falsified for this record, first by "
                 f"{band.data.output_names[output]} at sample "

@@ -242,3 +242,17 @@ def test_simulations_of_hammerstein_structures_hold_the_truth(normalise: str) ->
     assert not len(band.outside) and band.reports[0].ratio < 2.0
     again = run(found.formulation.model, gains, setid.IOData(u, truth.y))
     assert again == pytest.approx(truth.y)  # from the first readings on
+
+
+def test_a_falsified_sample_is_named_by_its_record() -> None:
+    """Row 7 of two records of five samples is sample 2 of the second."""
+    model, u = setid.TransferFunction(0, 1, 0), np.arange(1.0, 11.0)
+    y = 2.0 * u
+    noise = setid.Noise(equation=0.1)
+    found = setid.identify(setid.IOData(u, y, starts=[0, 5]), model, noise)
+    y = y + 5.0 * (np.arange(10) == 7)
+    several = setid.compare(found, setid.IOData(u, y, starts=[0, 5]), mode="prediction")
+    assert several.band.outside.tolist() == [[7, 0]]
+    assert "first by y1 at sample 2:2: " in several.summary()
+    single = setid.compare(found, setid.IOData(u, y), mode="prediction")
+    assert "first by y1 at sample 7: " in single.summary()
