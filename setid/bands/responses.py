@@ -203,7 +203,8 @@ def frequency_band(
     Parameters
     ----------
     result : FeasibleSet
-        Of a linear structure.
+        Of a linear structure, or of a block structure: then of the linear block between the
+        channels, or the only one, without static maps and feedback.
     omega : array_like (F,), optional
         rad per unit of time, at most pi / Ts (any in continuous time).
     kind : {"proved", "sampled"}
@@ -225,7 +226,8 @@ def frequency_band(
     Raises
     ------
     SetidError
-        If the feasible set is empty, or the structure is not linear.
+        If the feasible set is empty, or there is no linear block between the channels, or it
+        subtracts the input.
 
     Notes
     -----

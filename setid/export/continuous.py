@@ -88,7 +88,8 @@ def to_continuous(
     Parameters
     ----------
     result : FeasibleSet
-        Of a discrete transfer function, one input and one output.
+        Of a discrete transfer function, one input and one output; of a block structure the linear
+        block alone is converted.
     method : {"zoh", "matched"}
         Inverse zero-order hold; or p -> ln(p) / Ts for poles and zeros with the static gain
         kept, where zeros on the negative real axis (those that sampling makes) are left out. A

@@ -14,6 +14,7 @@ from setid.feasible_points.best import best
 from setid.feasible_points.members import nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Transfer
+from setid.models.general import BlockStructured
 from setid.simulation.responses import transfer_of
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
@@ -73,12 +74,13 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     """Write a MATLAB script that makes an uncertain model of real parameters.
 
     The ranges are the proved intervals, so that the model contains every consistent one; that
-    parameters depend on each other is lost. An offset is left out.
+    parameters depend on each other is lost. An offset is left out, and so are static maps and
+    feedback about a linear block: the script says so.
 
     Parameters
     ----------
     result : FeasibleSet
-        Of a linear structure whose intervals are finite.
+        Of a structure with linear blocks between all channels, whose intervals are finite.
     path : path-like
         Such as ``"model.m"``; the script leaves the variable ``G``.
 
@@ -89,7 +91,7 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     ModelError
-        If the structure is not linear, or an interval is not finite.
+        If channels have no linear block between them, or an interval is not finite.
 
     Examples
     --------
@@ -128,11 +130,15 @@ def ureal_script(result: FeasibleSet) -> str:
         if not np.all(np.isfinite(result.intervals[name].outer)):
             raise ModelError(f"result: found no finite interval of {name}, expected finite ones")
     values = dict(zip(formulation.parameters, _nominal(result).tolist(), strict=True))
+    block = isinstance(model, BlockStructured)
+    what = "linear block" if block else "model"
     lines = [
         f"% {formulation.model!r}",
-        "% Ranges are proved: every consistent model is in G. Their dependence is lost.",
+        f"% Ranges are proved: every consistent {what} is in G. Their dependence is lost.",
         "% Needs the Robust Control Toolbox.",
     ]
+    if block:
+        lines.insert(2, "% G is the linear block: static maps and feedback are left out.")
     for name in dict.fromkeys(used):
         low, high = result.intervals[name].outer
         own = _identifier(name)

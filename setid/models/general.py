@@ -364,6 +364,10 @@ class BlockStructured(InNotebook):
                 f"output, input: found {output}, {input}, expected at most "
                 f"{self.outputs}, {self.inputs}, counted from 1"
             )
+        return self.wiring.transfer(self._meant(target, source))
+
+    def _meant(self, target: str, source: str) -> Block:
+        """The block from one signal to another, or the only one."""
         direct = [b for b in self.blocks if b.target == target and source in dict(b.source)]
         found = self.blocks if len(self.blocks) == 1 else direct
         if len(found) != 1:
@@ -371,7 +375,34 @@ class BlockStructured(InNotebook):
                 f"model: found {len(found)} linear blocks from {source} to {target}, expected "
                 "one; linear_blocks names them all"
             )
-        return self.wiring.transfer(found[0])
+        return found[0]
+
+    def check_between(self, output: int, input: int) -> None:
+        """Check that the block of :meth:`transfer` acts between these channels, with a plus.
+
+        A block between internal signals is that of output 1 and input 1.
+
+        Parameters
+        ----------
+        output, input : int
+            Channels, from 1.
+
+        Raises
+        ------
+        ModelError
+            If it acts between other channels, or subtracts the input.
+        """
+        target, source = f"y{output}", f"u{input}"
+        block = self._meant(target, source)
+        signs = dict(block.source)
+        inputs = [name for name in signs if name != source and (channel_of(name) or "y")[0] == "u"]
+        apart = block.target != target and (channel_of(block.target) is not None or output > 1)
+        apart |= source not in signs and (bool(inputs) or input > 1)
+        if apart or signs.get(source, 1.0) < 0.0:
+            raise ModelError(
+                f"model: found {block.target} = G({block.source_text}), expected a linear block "
+                f"to {target} that adds {source}"
+            )
 
     # ---- equations ----------------------------------------------------------------------
 

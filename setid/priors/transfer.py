@@ -291,6 +291,9 @@ class MinimumPhase(Plain):
 class DCGain(Plain):
     """Static gain of one transfer function, N(1) / D(1) or b_0 / a_0.
 
+    In a block structure it is that of the linear block between the channels, or the only one,
+    without static maps and feedback.
+
     Parameters
     ----------
     low : float
@@ -334,6 +337,8 @@ class DCGain(Plain):
             Bounds and stability from all priors.
         """
         transfer = model.transfer(self.output, self.input)
+        if isinstance(model, BlockStructured):
+            model.check_between(self.output, self.input)
         gain, one = _sums(transfer, x)
         label = f"dcgain[{self.output},{self.input}]"
         low, high = self.low, self.low if self.high is None else self.high

@@ -38,9 +38,12 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
     Raises
     ------
     ModelError
-        If the structure is not linear, or a coefficient is no parameter.
+        If the structure has no linear block between these channels, or subtracts the input there,
+        or a coefficient is no parameter.
     """
     found = model.transfer(output, input)
+    if isinstance(model, BlockStructured):
+        model.check_between(output, input)
     every = (*found.numerator, *found.denominator)
     fixed = [name for name in every if name not in model.parameters]
     if fixed:

@@ -13,7 +13,9 @@ from prior_cases import Never
 
 import setid
 import sparsepop_py as sp
+from setid.export.matlab_files import ureal_script
 from setid.models.block import StaticMap
+from setid.simulation.responses import transfer_of
 
 G = setid.TransferFunction
 ONE, TWO = G(1, 1, 1), G(2, 2, 1)
@@ -597,3 +599,55 @@ def test_basis_functions_that_return_no_numbers_are_named() -> None:
     data = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
     with pytest.raises(setid.ModelError, match=r"StaticMap\.basis\[1\]: value: found str 'a'"):
         setid.formulate(data, model, setid.Noise(output=1.0))
+
+
+def test_a_block_that_subtracts_an_input_is_not_its_transfer_function() -> None:
+    """y = G (u1 - u2): the response from u2 is -G, and no band says that it is G."""
+    model = setid.BlockStructured({("y1", "u1 - u2"): ONE}, {}, inputs=2)
+    u = np.random.default_rng(4).uniform(-1, 1, (15, 2))
+    truth = setid.simulate_record(model, [-0.5, 0.8], u, setid.Noise(equation=0.01))
+    result = setid.identify(truth.data, model, setid.Noise(equation=0.01))
+    band = setid.frequency_band(result, [0.5])
+    g = 0.8 / (np.exp(0.5j) - 0.5)
+    assert band.magnitude[0, 0] <= abs(g) <= band.magnitude[0, 1]
+    step = setid.step_band(result, 3, input=2)
+    assert step.high[1] < 0  # the step response has the sign
+    gain = setid.DCGain(1, 2, input=2)
+    for asked in (
+        lambda: setid.frequency_band(result, [0.5], input=2),
+        lambda: setid.to_control(result),
+        lambda: ureal_script(result),
+        lambda: setid.formulate(truth.data, model, setid.Noise(equation=0.01), gain),
+    ):
+        with pytest.raises(setid.ModelError, match="u1-u2.*expected a linear block to y1 that add"):
+            asked()
+
+
+def test_the_only_block_is_not_that_of_other_channels() -> None:
+    """w = N(u1, u2), y = G w: neither G is the response of an input, nor [G G] the model."""
+    model = setid.BlockStructured(
+        {("y1", "w"): ONE},
+        {"w": StaticMap(["u1", "u2"], [(1, 0), (1, 1)])},
+        inputs=2,
+        normalise="gamma1",
+    )
+    for input in (1, 2):
+        assert model.transfer(1, input).denominator == ("a1",)  # for priors on its poles
+    transfer_of(model, 1, 1)
+    with pytest.raises(setid.ModelError, match="expected a linear block to y1 that adds u2"):
+        transfer_of(model, 1, 2)
+    other = setid.BlockStructured({("y1", "u2"): ONE}, {}, inputs=2)
+    with pytest.raises(setid.ModelError, match="expected a linear block to y1 that adds u1"):
+        transfer_of(other, 1, 1)
+
+
+def test_the_script_for_matlab_says_that_maps_are_left_out() -> None:
+    truth = simulated("hammerstein", 0.01, 15)
+    model, _, priors = CASES["hammerstein"]
+    options = setid.Options(time_limit=3.0, progress=False)
+    result = setid.identify(
+        truth.data, model.normalised("gamma1"), noise_of(truth), priors, options
+    )
+    script = ureal_script(result)
+    assert "every consistent linear block is in G" in script
+    assert "% G is the linear block: static maps and feedback are left out.\n" in script
