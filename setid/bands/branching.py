@@ -37,6 +37,8 @@ __all__ = [
 Reals = NDArray[np.float64]
 FIRST_SECONDS = 5.0  # that the first cell may take after the time is over, or the limit once more
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
+_ROUNDING = 1e-10  # of the largest output: narrower ranges need no further cells
+_ZERO = 1e-280  # the same where all outputs are zero
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
 
@@ -273,7 +275,9 @@ class _Search:
     def _scale(self) -> Reals:
         width = self.high - self.low
         top = float(width.max(initial=0.0))
-        return np.asarray(np.maximum(width, FLOOR * top if top > 0 else 1e-300), np.float64)
+        size = float(np.abs([self.low, self.high]).max(initial=0.0)) if len(self.points) else 0.0
+        least = _ROUNDING * size if np.isfinite(size) else 0.0  # no cell narrows rounding
+        return np.asarray(np.maximum(width, max(FLOOR * top, least, _ZERO)), np.float64)
 
     def _beyond(self, number: int) -> Reals:
         """Reach of a cell's range beyond what is attained, in widths, (N,)."""

@@ -39,7 +39,7 @@ class BandReport:
         Number of these whose bounds grow with time: their stability is not proved.
     ratio : float
         Largest ratio of the proved width to the attained one, over samples where the latter is at
-        least 1 % of its largest value; NaN where nothing is attained.
+        least 1 % of its largest value; NaN where nothing is attained, or no width.
     pole_radius : float
         Largest absolute value of a pole of the members that were simulated; NaN without one.
     seconds : float
@@ -69,7 +69,7 @@ class BandReport:
         ratio = rounded(self.ratio, True, 3)
         size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
         if np.isnan(self.ratio) and self.verdict in ("tight", "wide"):
-            return f"nothing attained to compare the proved width with ({size})"
+            return f"no attained width to compare the proved one with ({size})"
         if self.verdict == "tight":
             text = f"proved width at most {ratio} times the attained one ({size})"
             if self.ratio > _EXPLAINED:

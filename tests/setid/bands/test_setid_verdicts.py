@@ -128,3 +128,21 @@ def test_bad_accuracies_are_refused() -> None:
         setid.step_band(result, 5, time_limit=-1.0)
     with pytest.raises(setid.SetidError, match="all_time"):
         setid.step_band(result, 5, all_time="yes")
+
+
+def test_a_band_without_width_takes_no_time() -> None:
+    """All parameters known, and an input that does not act: nothing can be narrowed."""
+    model, u = setid.TransferFunction(1, 1, 1), np.random.default_rng(0).uniform(-1, 1, (20, 2))
+    noise = setid.Noise(equation=0.01)
+    one = setid.simulate_record(model, [-0.5, 1.0], u[:, :1], noise).data
+    known = setid.identify(one, model, noise, setid.Known({"a1": -0.5, "b1": 1.0}))
+    apart = setid.BlockStructured({("y1", "u1"): model, ("y2", "u2"): model}, {}, 2, 2)
+    two = setid.simulate_record(apart, [-0.5, 0.4, 1.0, 2.0], u, noise).data
+    still = setid.identify(two, apart, noise, setid.Stable())
+    exact = 2.0 * (1.0 - 0.5 ** np.arange(20))
+    for result, input, wanted in ((known, 1, exact), (still, 2, np.zeros(20))):
+        band = setid.step_band(result, 20, input=input)
+        assert band.report is not None and band.report.verdict == "tight"
+        assert band.report.cells == 1 and "no attained width" in band.report.text
+        assert np.all((band.low <= wanted) & (wanted <= band.high))
+        assert np.all(band.high - band.low < 1e-11)
