@@ -5,6 +5,7 @@ from __future__ import annotations
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.proofs.evidence import Claimed, Verification
+from setid.proofs.intervals import overstated
 from setid.proofs.verification import verify as verify_evidence
 
 __all__ = ["verify"]
@@ -43,7 +44,10 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     if not hasattr(result, "evidence"):
         raise SetidError(f"result: found {type(result).__name__}, expected Identification")
     claims, held = result.evidence, getattr(result, "holdout", None)
-    verdict = verify_evidence(claims, data)
+    verdict, options = verify_evidence(claims, data), getattr(result, "options", None)
+    if verdict and options is not None:  # an identification, which says what certified means
+        if reason := overstated(claims.intervals, options.tol):
+            return Verification(False, reason)
     if verdict and held is not None:  # an identification with samples that were held out
         again: Verification = held.verify(claims.formulation, claims.intervals)
         return again

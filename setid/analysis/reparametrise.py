@@ -22,7 +22,7 @@ from setid.options import Options, checked_options
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
-from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.damaged_texts import check_fields, refused
 from setid.result.identification import WORST_FIRST, Identification
@@ -57,6 +57,9 @@ class Reparametrisation:
     ends : tuple of EndProof
         Certificates and attained points of phi_1, -phi_1, phi_2, ...
     notes : tuple of str
+    tol : float
+        What certified intervals keep to: the largest distance of outer and attained ends, as a
+        fraction of the attained width.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Reparametrisation:
     formulation: Formulation | None
     ends: tuple[EndProof, ...] = ()
     notes: tuple[str, ...] = ()
+    tol: float = Options().tol
 
     @property
     def empty(self) -> bool:
@@ -118,10 +122,13 @@ class Reparametrisation:
         Returns
         -------
         Verification
-            True where the identification, all outer and all attained ends hold.
+            True where the identification, all outer and all attained ends hold, and those of
+            certified intervals agree.
         """
         claims = self.identification.evidence
-        return verify_physical(claims, self.physical, self.intervals, self.ends, data)
+        verdict = verify_physical(claims, self.physical, self.intervals, self.ends, data)
+        reason = overstated(self.intervals, self.tol) if verdict else ""
+        return Verification(False, reason) if reason else verdict
 
     def to_json(self) -> str:
         """Write the result with its evidence as JSON text.
@@ -161,6 +168,7 @@ class Reparametrisation:
             "certificates": CERTIFICATES.write([end.certificate for end in self.ends]),
             "attained": [_POINT.write(end.attained) for end in self.ends],
             "notes": list(self.notes),
+            "tol": write(self.tol),
         }
         return json.dumps({**_HEAD, _KIND: content}, allow_nan=False, separators=(",", ":"))
 
@@ -259,7 +267,8 @@ def reparametrise(
     else:
         items = _intervals(formulation, physical, scaled, found, float(settings.tol))
     ends = tuple(EndProof(one.certificate, one.attained) for one in found)
-    return Reparametrisation(result, physical, items, formulation, ends, notes)
+    tol = float(settings.tol)
+    return Reparametrisation(result, physical, items, formulation, ends, notes, tol)
 
 
 def _read(found: Any) -> Reparametrisation:
@@ -282,7 +291,8 @@ def _read(found: Any) -> Reparametrisation:
     if not known.empty:
         formulation = with_relations(known.formulation, physical, known.intervals)
     notes = tuple(str(note) for note in found["notes"])
-    return Reparametrisation(known, physical, FrozenMapping(items), formulation, ends, notes)
+    tol = float(Options(tol=read(found.get("tol", Options().tol))).tol)  # older texts do not say
+    return Reparametrisation(known, physical, FrozenMapping(items), formulation, ends, notes, tol)
 
 
 def _empty(physical: Physical) -> FrozenMapping[str, ParameterInterval]:

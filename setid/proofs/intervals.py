@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, isnan
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from sparsepop_py.verified.arithmetic.display import rounded
 
-__all__ = ["IntervalStatus", "ParameterInterval"]
+__all__ = ["IntervalStatus", "ParameterInterval", "overstated"]
+
+_DIGITS = 1e-9  # relative: ends that differ by less are the same
 
 
 class IntervalStatus(StrEnum):
@@ -108,6 +111,26 @@ class ParameterInterval:
         size = self.inner[1] - self.inner[0]
         return loose / size if size > 0 else (0.0 if loose <= 0 else inf)
 
+    def agrees(self, tol: float) -> bool:
+        """Check that outer and attained ends are as near as those of a certified interval.
+
+        Parameters
+        ----------
+        tol : float
+            Their largest distance, as a fraction of the attained width.
+
+        Examples
+        --------
+        >>> import setid
+        >>> known = setid.ParameterInterval("b", (0, 2), (0.1, 2), setid.IntervalStatus.PARTIAL)
+        >>> known.agrees(0.1), known.agrees(0.01)
+        (True, False)
+        """
+        if self.inner is None:
+            return False
+        loose = max(self.inner[0] - self.outer[0], self.outer[1] - self.inner[1])
+        return self.gap <= tol * (1.0 + _DIGITS) or loose <= _DIGITS * max(map(abs, self.outer))
+
     def __contains__(self, value: float) -> bool:
         return self.outer[0] <= value <= self.outer[1]
 
@@ -118,6 +141,21 @@ class ParameterInterval:
             _shown(end, side, 6) for end, side in zip(self.outer, (False, True), strict=True)
         )
         return f"{self.name} in [{low}, {high}], attained {_attained(self.inner)}, {self.status}"
+
+
+def overstated(intervals: Mapping[str, ParameterInterval], tol: float) -> str:
+    """Say which interval is called certified while its ends are not near enough; empty if none.
+
+    Parameters
+    ----------
+    intervals : mapping of str to ParameterInterval
+    tol : float
+        As of :meth:`ParameterInterval.agrees`.
+    """
+    for item in intervals.values():
+        if item.status is IntervalStatus.CERTIFIED and not item.agrees(tol):
+            return f"the ends of {item.name} are too far from each other for certified"
+    return ""
 
 
 def _shown(value: float, upwards: bool, digits: int) -> str:

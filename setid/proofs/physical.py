@@ -158,6 +158,8 @@ def _misstated(intervals: Mapping[str, ParameterInterval], empty: bool) -> str:
         said = item.status is IntervalStatus.EMPTY if empty else item.status in open_
         if item.name != name or not said or not item.stated:
             return name
+        if item.status is IntervalStatus.CERTIFIED and item.inner is None:
+            return name
     return ""
 
 

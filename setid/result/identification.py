@@ -21,7 +21,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.proofs.evidence import EndProof, Evidence, Verification
-from setid.proofs.intervals import IntervalStatus
+from setid.proofs.intervals import IntervalStatus, overstated
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.uniqueness.normalisation import Nonzero
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -205,6 +205,8 @@ class Identification(FeasibleSet):
             what is said of samples that were held out.
         """
         verdict = verify(self.evidence, data)
+        if verdict and (reason := overstated(self.intervals, self.options.tol)):
+            return Verification(False, reason)
         if verdict and self.holdout is not None:
             return self.holdout.verify(self.formulation, self.intervals)
         return verdict

@@ -157,7 +157,7 @@ class Ceiling:
         """
         table = np.reshape(np.array(arcs, float), (-1, 3))
         ends = np.unique(np.concatenate([[0.0, pi], table[:, 0], table[:, 1]]))
-        ends = ends[np.append(True, np.diff(ends) > _NEAR)]
+        ends = _apart(ends)
         middle = (ends[:-1] / 2 + ends[1:] / 2)[:, None]
         inside = (table[:, 0] <= middle) & (middle <= table[:, 1])
         values = np.where(inside, table[:, 2], -inf).max(axis=1, initial=-inf)
@@ -168,6 +168,15 @@ class Ceiling:
         first = int(np.searchsorted(self.ends, low + 2 * _NEAR, "right")) - 1
         last = int(np.searchsorted(self.ends, high - 2 * _NEAR, "left"))
         return float(self.values[first : max(last, first + 1)].min(initial=inf))
+
+
+def _apart(ends: Reals) -> Reals:
+    """Take increasing ends, none of them near the last one that is taken."""
+    kept = [ends[0]]
+    for end in ends[1:]:
+        if end - kept[-1] > _NEAR:
+            kept.append(end)
+    return np.array(kept)
 
 
 def ratio_on_arcs(

@@ -57,6 +57,7 @@ _PARTS: tuple[str, ...] = (
 _PARTS += ("reason", "assumptions", "help", "cells", "seconds")
 _SYSTEMS = ("controller", "reference", "plant")
 _NARROW = 1e-9  # rad: no arc of a proof is as narrow
+_GAP = "the stored bounds of abs(Delta) do not cover all frequencies"
 _MORE_CELLS = 4  # times the cells of the first proof, and a few, before a check gives up
 
 
@@ -71,11 +72,13 @@ def verify(answer: StabilityCertificate) -> Verification:
     -------
     Verification
         True where the verdict, all bounds and what is said of them follow; an open verdict claims
-        nothing but that no plant is consistent, where it says so.
+        nothing but its bounds of abs(Delta), and that no plant is consistent, where it says so.
     """
     question = _question(answer)
     if not question.fits(answer):
         return Verification(False, "reason, conditions or assumptions are not those of the claim")
+    if answer.verdict != "certified" and not (bounds := _bounded(answer, question)):
+        return bounds
     if answer.verdict == "open":
         claims_bound = answer.method == "small_gain" and answer.bound < 1.0
         if claims_bound or answer.plant is not None:
@@ -131,7 +134,11 @@ def _empty(answer: StabilityCertificate, question: Question) -> Verification:
 
 
 def _refuted(answer: StabilityCertificate) -> Verification:
-    """Check that the plant is consistent and its loop unstable."""
+    """Check that the plant is consistent and its loop unstable.
+
+    Common factors of a controller are no part of it: a zero outside the circle on a pole there
+    says nothing of the loop.
+    """
     if answer.plant is None:
         return Verification(False, "refuted without a plant")
     na, model = answer.model.na[0][0], answer.model
@@ -145,8 +152,9 @@ def _refuted(answer: StabilityCertificate) -> Verification:
     if any(others) or any(Fraction(t) != v for t, v in zip(theta, values, strict=True)):
         return Verification(False, "the plant is not of the certificate's structure")
     formulation = formulate(answer.data, model, answer.noise)
+    controller = answer.controller.reduced()
     found = proves_instability(
-        formulation, answer.controller, model, theta, answer.integrators, answer.margin
+        formulation, controller, model, theta, answer.integrators, answer.margin
     )
     return Verification(found, "" if found else "that the plant's loop is unstable is not proved")
 
@@ -170,13 +178,43 @@ def _certified(answer: StabilityCertificate, question: Question) -> Verification
         found = question.narrowed(found, answer.identification)
     most = _MORE_CELLS * answer.cells + 16
     ceiling = Ceiling.of(answer.arcs)
-    whole = all(low + _NARROW < high for low, high, _ in answer.arcs)
-    if answer.method == "small_gain" and not (whole and np.min(ceiling.values) > -inf):
-        return Verification(False, "the stored bounds of abs(Delta) do not cover all frequencies")
+    if answer.method == "small_gain" and not _is_whole(answer, ceiling):
+        return Verification(False, _GAP)
     outcome = prove_over_cells(found, question.claim(factor, ceiling), inf, most)
     if not outcome.proved:
         return Verification(False, "the proof over all consistent plants fails")
     return _below(answer, outcome.arcs)
+
+
+def _bounded(answer: StabilityCertificate, question: Question) -> Verification:
+    """Prove bounds of abs(Delta) again, over all plants at once; there may be none.
+
+    For a verdict that is not certified: the bounds of one that is are those of its cells.
+    """
+    if answer.method == "characteristic":
+        return _below(answer, ())
+    if not answer.arcs:
+        none = answer.bound == inf
+        return Verification(none, "" if none else "a bound of abs(Delta) is on no arc")
+    (_, factor), ceiling = question.exact_conditions(), Ceiling.of(answer.arcs)
+    found = question.known()
+    if factor is None or found is None or not _is_whole(answer, ceiling):
+        return Verification(False, _GAP)
+    if answer.identification is not None:
+        verdict = _belongs(answer.identification, question, found)
+        if not verdict:
+            return verdict
+        found = question.narrowed(found, answer.identification)
+    arcs = () if found.empty else tuple(question.claim(factor, ceiling).attempt(found).arcs)
+    if not arcs and not found.empty:
+        return Verification(False, "bounds of abs(Delta) over all consistent plants do not follow")
+    return _below(answer, arcs)
+
+
+def _is_whole(answer: StabilityCertificate, ceiling: Ceiling) -> bool:
+    """Check that arcs, none of them narrow, cover all frequencies."""
+    wide = all(low + _NARROW < high for low, high, _ in answer.arcs)
+    return wide and bool(np.min(ceiling.values) > -inf)
 
 
 def _belongs(result: Identification, question: Question, known: ParameterSet) -> Verification:
@@ -232,7 +270,7 @@ def to_json(answer: StabilityCertificate) -> str:
     found |= {name: write(getattr(answer, name), name) for name in _PARTS}
     found |= {name: _system(getattr(answer, name)) for name in _SYSTEMS}
     found["conditions"] = [[c.name, c.holds, c.text] for c in answer.conditions]
-    rests = answer.verdict == "certified" or answer.reason == NOTHING
+    rests = answer.verdict == "certified" or answer.reason == NOTHING or bool(answer.arcs)
     known = answer.identification if rests else None
     found["identification"] = None if known is None else json.loads(write_identification(known))
     return json.dumps(found, allow_nan=False, separators=(",", ":"))

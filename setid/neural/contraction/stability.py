@@ -208,6 +208,10 @@ class Stability:
     def verify(self) -> Verification:
         """Check all conditions that hold again, without any solver."""
         require_ieee()
+        if not _suits(self.net, self.inputs):
+            return Verification(False, "the range of the inputs is none that the network asks for")
+        if not set(_assumptions(self.net, self.inputs)) <= set(self.assumptions):
+            return Verification(False, "an assumption is left out")
         known = {item.name: item for item in comparisons(self.net, self.inputs)}
         for item in self.conditions:
             if not item.holds:
@@ -269,6 +273,17 @@ def stability(net: Model, inputs: ArrayLike | IOData | None = None, lmi: bool = 
         found.append(_by_lmi(net))
     status = Status.STABLE if any(item.holds for item in found) else Status.OPEN
     return Stability(net, box, status, tuple(found), _assumptions(net, box))
+
+
+def _suits(net: Model, inputs: Interval | None) -> bool:
+    """Check for a finite range of each input where the network is gated, and else for none."""
+    if not isinstance(net, (LSTM, GRU)):
+        return inputs is None
+    if not isinstance(inputs, Interval):
+        return False
+    if not inputs.lo.shape == inputs.hi.shape == (net.channels,):
+        return False
+    return bool(np.all(np.isfinite([inputs.lo, inputs.hi])) and np.all(inputs.lo <= inputs.hi))
 
 
 def _range(net: Model, inputs: Any) -> Interval | None:
@@ -359,6 +374,7 @@ def _verify(net: Model, item: Condition, known: Comparison | None) -> Verificati
         if isinstance(net, (LSTM, GRU)):
             return Verification(False, "no linear matrix inequality is about gated networks")
         return agreed(
+            (item.norm == "P", "the norm is not that of the matrices"),
             (item.lyapunov.rate == item.rate, "the rate is not that of the matrices"),
             (prove_lyapunov(difference_system(net), item.lyapunov), "the inequality fails"),
             (at_least(item.drive, _input_gain(net)), "the gain of the inputs"),

@@ -436,14 +436,18 @@ def _solve_uncertain(rows: Rows) -> OutputSet:
     """Bound theta with features in boxes, by linear programs over signs of theta."""
     m, none = rows.size, np.zeros((0, rows.size))
     box = parameter_box(_regression(rows))
-    empty = bool(np.any(box.lower > box.upper))
-    factor = np.nextafter(1.0, 2.0) if empty else 0.0
+    factor = _least_of(box)
     reach = np.maximum(np.abs(box.lower), np.abs(box.upper))
     dual = np.zeros((2 * m, rows.target.size))
     outer = Interval(np.array(box.lower), np.array(box.upper))
     return OutputSet(
         (factor, np.inf), outer, None, reach, dual, dual[:2], 1.0, np.zeros(m), none, box
     )
+
+
+def _least_of(box: ParameterBox) -> float:
+    """Multiple of the noise bound that a box proves to be needed: more than 1 where it is empty."""
+    return float(np.nextafter(1.0, 2.0)) if np.any(box.lower > box.upper) else 0.0
 
 
 def _regression(rows: Rows) -> Regression:
@@ -468,7 +472,8 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
                 and np.array_equal(item.outer.hi, item.box.upper),
                 "the intervals are not those of the box",
             ),
-            (item.factor[0] <= 1.0 or bool(np.any(item.box.lower > item.box.upper)), "emptiness"),
+            (item.factor[0] <= _least_of(item.box), "the least noise bound is not proved"),
+            (item.factor[1] == np.inf, "the attained noise bound"),
             (item.inner is None and not item.inside.size, "members of an uncertain set"),
         )
     shape = (2 * rows.size, rows.target.size)

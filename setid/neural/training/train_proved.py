@@ -405,7 +405,8 @@ def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> flo
             return 0.0
         if isinstance(tree, sp.Certificate):
             stated = _stated(network, phi, y, signs, item.weights, item.cap)
-            assert stated is not None
+            if stated is None:
+                return 0.0
             least = min(least, proved_by_certificate(stated, tree))
             continue
         program = _program(network, phi, y, signs, item.weights, item.cap)

@@ -179,6 +179,38 @@ def test_words_claim_no_more_than_ends():
         setid.Reparametrisation.from_json(json.dumps(found))
 
 
+def test_certified_ends_are_near_those_that_are_attained():
+    """Wide ends, or none that is attained, once passed as certified."""
+    result = time_constant()
+    item = result.intervals["T"]
+    wide = replace(item, outer=(0.1, 50.0))
+    for forged in (wide, replace(wide, inner=None), replace(item, inner=None)):
+        assert not replace(result, intervals={"T": forged}).verify()
+    assert replace(result, intervals={"T": wide}, tol=1e3).verify()
+    assert item.agrees(1e-3) and not replace(item, inner=None).agrees(1e3)
+    open_ = replace(wide, inner=None, status=setid.IntervalStatus.PARTIAL)
+    assert replace(result, intervals={"T": open_}).verify()
+    found = json.loads(result.to_json())
+    assert found["reparametrisation"]["tol"] == 1e-3
+    found["reparametrisation"]["intervals"][0].update(outer=[0.1, 50.0], inner=None)
+    with pytest.raises(setid.SetidError, match="of T is not what is proved"):
+        setid.Reparametrisation.from_json(json.dumps(found))
+    found["reparametrisation"]["intervals"][0].update(inner=list(item.inner))
+    with pytest.raises(setid.SetidError, match="the ends of T are too far"):
+        setid.Reparametrisation.from_json(json.dumps(found))
+
+
+def test_files_say_how_near_certified_ends_are():
+    result = replace(time_constant(), tol=0.25)
+    assert setid.Reparametrisation.from_json(result.to_json()).tol == 0.25
+    found = json.loads(result.to_json())
+    del found["reparametrisation"]["tol"]  # as files of version 1 were before
+    assert setid.Reparametrisation.from_json(json.dumps(found)).tol == 1e-3
+    found["reparametrisation"]["tol"] = "wide"
+    with pytest.raises(setid.SetidError, match="tol"):
+        setid.Reparametrisation.from_json(json.dumps(found))
+
+
 def test_intervals_of_coefficients_are_checked_too():
     result = time_constant()
     evidence = result.identification.evidence
@@ -200,7 +232,10 @@ def test_files_keep_all_claims():
     [
         (lambda r: r["intervals"][0].update(outer=[0.6, 1.1]), "outer interval of T"),
         (lambda r: r["intervals"][0].update(inner=[0.1, 1.1]), "inner interval of T"),
-        (lambda r: r["intervals"][0].update(inner=[9.0, -9.0]), "9.0 attained by T"),
+        (
+            lambda r: r["intervals"][0].update(inner=[9.0, -9.0], status="PARTIAL"),
+            "9.0 attained by T",
+        ),
         (lambda r: r["attained"].pop(), "expected a stored result"),
         (lambda r: r.update(physical=r["identification"]), "found|expected"),
         (lambda r: r.pop("notes"), "expected a stored result"),

@@ -14,7 +14,7 @@ import pytest
 import setid
 from setid import control
 from setid.control.certificates import stored
-from setid.control.certificates.arcs import ratio_on_arcs
+from setid.control.certificates.arcs import Ceiling, ratio_on_arcs
 from setid.control.certificates.cells import Outcome
 from setid.control.certificates.certificate import Question
 from setid.control.parameters.parameter_set import identified
@@ -210,3 +210,50 @@ def test_a_proof_that_no_plant_is_consistent_goes_round() -> None:
     assert answer.verdict == "open" and answer.reason.endswith("record, proved")
     again = control.StabilityCertificate.from_json(answer.to_json())
     assert again.reason == answer.reason
+
+
+@pytest.mark.parametrize(("K", "verdict"), [([1.2, -0.4], "open"), ([2.2, -0.8], "refuted")])
+def test_bounds_beside_an_open_or_refuted_verdict_are_proved_again(K: list, verdict: str) -> None:
+    """They once passed unseen: abs(Delta) <= 1 where the true plant alone has more."""
+    r = np.random.default_rng(0).uniform(-1, 1, 60)
+    data, K = setid.IOData(r, PLANT.simulate(r)), control.Transfer(K, [1, -1])
+    answer = control.stability_certificate(data, K, M, 1, 0.01, delay=1, time_limit=5.0)
+    z = np.exp(1j * np.linspace(0.01, np.pi, 200))  # Delta = M - K (1 - M) P of the true plant
+    gain = (float(K.numerator[0]) + float(K.numerator[1]) / z) / (1 - 1 / z)
+    least = np.max(np.abs(0.4 / (z - 0.6) - gain * (1 - 0.4 / (z - 0.6)) / (z - 0.5)))
+    assert answer.verdict == verdict and 1.1 < least < answer.bound < np.inf
+    assert answer.verify() and control.StabilityCertificate.from_json(answer.to_json()).verify()
+    found = json.loads(answer.to_json())
+    for bound, arcs in (
+        (1.0, [[0.0, np.pi, 1.0]]),
+        (answer.bound, [[a, b, 0.5 * c] for a, b, c in found["arcs"]]),
+        (answer.bound, found["arcs"][1:]),
+        (answer.bound, []),
+        (1.0, found["arcs"]),
+    ):
+        with pytest.raises(setid.SetidError, match="bound"):
+            control.StabilityCertificate.from_json(
+                json.dumps(found | {"bound": bound, "arcs": arcs})
+            )
+
+
+def test_factors_that_cancel_in_a_controller_refute_nothing() -> None:
+    """(z - 2) / (z - 2) in a good controller once passed as a proof of an unstable loop."""
+    good, bad = certificate("characteristic"), certificate("characteristic", 6.0)
+    assert (good.verdict, bad.verdict) == ("certified", "refuted")
+    found = json.loads(bad.to_json())
+    parts = json.loads(good.to_json())["controller"]["coefficients"]
+    twice = [
+        np.convolve([Fraction(c) for c in part], [Fraction(1), Fraction(-2)]) for part in parts
+    ]
+    found["controller"]["coefficients"] = [[str(c) for c in part] for part in twice]
+    with pytest.raises(setid.SetidError, match="that the plant's loop is unstable is not proved"):
+        control.StabilityCertificate.from_json(json.dumps(found))
+
+
+def test_a_chain_of_near_ends_hides_no_bound() -> None:
+    starts = 1.0 + 0.9e-12 * np.arange(3_000)
+    arcs = [(0.0, 1.0, 0.9), *((w, w + 2e-9, 1e-6) for w in starts), (starts[-1], np.pi, 0.9)]
+    ceiling = Ceiling.of(arcs)
+    assert ceiling.over(1.0 + 1e-9, 1.0 + 2e-9) == 1e-6
+    assert ceiling.over(0.5, 0.6) == ceiling.over(2.0, 3.0) == 0.9

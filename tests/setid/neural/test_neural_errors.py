@@ -72,6 +72,23 @@ def test_forged_equation_errors_are_found() -> None:
     assert not replace(found, data=setid.IOData(data.u, data.y + 0.1)).verify()
 
 
+def test_forged_noise_bounds_of_uncertain_sets_are_found() -> None:
+    """The least noise bound beside a box once passed unseen: here all of it is not needed."""
+    net, data = ramp()
+    found = neural.last_layer(net, data, setid.Noise(output=0.5, input=0.01))
+    only = found.sets[0]
+    assert only.box is not None and only.factor == (0.0, np.inf) and found.verify()
+    exact = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    assert exact.upper_bound[0] < 0.7  # what explains the record exactly explains it with noise
+    for factor in ((0.99, np.inf), (0.0, 0.1), (0.99, 0.995), (np.nan, np.inf), (0.0, np.nan)):
+        assert not replace(found, sets=(replace(only, factor=factor),)).verify()
+    bent = setid.IOData(data.u, [[0], [0], [2], [4], [0]])
+    none = neural.last_layer(net, bent, setid.Noise(output=0.01, input=1e-4))
+    assert none.status is neural.Status.EMPTY and none.verify()
+    forged = replace(none.sets[0], factor=(9e9, np.inf))
+    assert not replace(none, sets=(forged,)).verify()
+
+
 def test_networks_with_a_state_are_refused() -> None:
     net = neural.Elman([([[1.0]], [[0.5]], [0.0])])
     with pytest.raises(setid.ModelError, match="found Elman, expected NNARX or NNOE"):

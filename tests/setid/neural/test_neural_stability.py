@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
 
 import setid
 from setid import neural
+from setid.neural.arithmetic import Interval
+from setid.neural.contraction import comparison, stability
 from setid.neural.contraction.comparison import norm
 
 RNG = np.random.default_rng
@@ -267,6 +270,38 @@ def test_forged_verdicts_are_found() -> None:
     assert not replace(found, conditions=(forged,)).verify()
     assert not replace(found, net=elman(3, 1.5, 2)).verify()
     assert not replace(found, conditions=()).verify()
+
+
+def test_a_matrix_inequality_is_about_its_own_norm() -> None:
+    """In the largest entry its distances would be too small by up to sqrt(n)."""
+    found = neural.stability(elman(3, 0.8, 2))
+    last = found.conditions[-1]
+    assert last.holds and last.norm == "P" and found.verify()
+    for name in ("inf", "2", "entries"):
+        assert not replace(found, conditions=(replace(last, norm=name),)).verify()
+
+
+def test_gated_networks_are_stable_over_a_range_that_is_stated() -> None:
+    """Ends the wrong way round once made gates narrower than any range of inputs does."""
+    rng = np.random.default_rng(0)
+    gates = [(0.3 * rng.normal(size=(2, 1)), 0.3 * rng.normal(size=(2, 2)), np.zeros(2))
+             for _ in range(4)]  # fmt: skip
+    net = neural.LSTM(*gates, ([[1.0, 1.0]], [0.0]))
+    wide, narrow = neural.stability(net, [-5, 5]), neural.stability(net, [-0.1, 0.1])
+    assert wide.status is neural.Status.OPEN and narrow.status is neural.Status.STABLE
+    assert wide.verify() and narrow.verify()
+    assert not replace(narrow, assumptions=wide.assumptions).verify()
+    assert not replace(narrow, assumptions=()).verify()
+    turned = Interval(np.array([5.0]), np.array([-5.0]))
+    drawn = [stability._condition(item) for item in comparison.comparisons(net, turned)]
+    assert all(item.holds for item in drawn)
+    texts = stability._assumptions(net, turned)
+    forged = replace(narrow, inputs=turned, conditions=tuple(drawn), assumptions=texts)
+    assert not forged.verify()
+    for inputs in (None, Interval(np.zeros(2), np.ones(2)), Interval(np.zeros(1), np.full(1, inf))):
+        assert not replace(narrow, inputs=inputs).verify()
+    free = neural.stability(elman(3, 0.8, 2))
+    assert not replace(free, inputs=turned).verify()
 
 
 def test_other_objects_are_refused() -> None:

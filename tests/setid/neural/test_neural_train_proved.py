@@ -271,6 +271,25 @@ def test_envelopes_are_never_crossed(name: str, pieces: int, degree: int) -> Non
     assert not replace(found, eps=0.9 * gap).verify()
 
 
+def test_envelopes_of_fewer_pieces_than_breaks_are_found() -> None:
+    """The first polynomial alone is far from tanh on the pieces without one."""
+    found = neural.envelope("tanh", -2.0, 2.0, 4)
+    first = replace(found, coefficients=found.coefficients[:1], centres=found.centres[:1])
+    assert abs(first(2.0) - np.tanh(2.0)) > 1.0 > found.eps
+    gone = found.coefficients.copy()
+    gone[2] = np.nan
+    forged = [
+        first,
+        replace(found, coefficients=gone),
+        replace(found, centres=found.centres[:3]),
+        replace(found, breaks=found.breaks[::-1].copy()),
+        replace(found, breaks=found.breaks[:1], centres=np.zeros(0), coefficients=gone[:0]),
+        replace(found, cells=0),
+        replace(found, name="relu"),
+    ]
+    assert found.verify() and not any(item.verify() for item in forged)
+
+
 def test_wrong_envelopes_are_refused() -> None:
     with pytest.raises(setid.ModelError, match="name: found 'relu'"):
         neural.envelope("relu", -1, 1)

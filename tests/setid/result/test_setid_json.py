@@ -7,6 +7,7 @@ import json
 import pickle
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -300,7 +301,10 @@ def test_certified_ends_are_near_those_that_are_attained() -> None:
     found = json.loads(result.to_json())
     assert found["result"]["intervals"][0]["status"] == "CERTIFIED"
     found["result"]["intervals"][0]["outer"] = [-100.0, 100.0]
-    with pytest.raises(setid.SetidError, match="expected outer ends within"):
+    with pytest.raises(setid.SetidError, match="the ends of a1 are too far"):
         setid.Identification.from_json(json.dumps(found))
+    wide = replace(result.intervals["a1"], outer=(-100.0, 100.0))
+    forged = replace(result, intervals={**result.intervals, "a1": wide})
+    assert not forged.verify() and not setid.verify(forged)
     found["result"]["intervals"][0]["status"] = "PARTIAL"
     assert setid.Identification.from_json(json.dumps(found)).intervals["a1"].outer[1] == 100.0
