@@ -35,7 +35,7 @@ from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.damaged_texts import check_fields, refused
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
-from sparsepop_py.io.json_files.codecs import array
+from sparsepop_py.io.json_files.codecs import array, rational
 from sparsepop_py.io.json_files.values import CONSTRAINT
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
@@ -213,7 +213,7 @@ def _mapping(found: dict[str, Any], place: str) -> FrozenMapping[Any, Any]:
 
 _SIMPLE: dict[str, Callable[[dict[str, Any], str], Any]] = {
     "float": lambda found, place: _NUMBERS[found["value"]],
-    "Fraction": lambda found, place: Fraction(found["value"]),
+    "Fraction": lambda found, place: rational.read(found["value"], place),
     "array": array.read,
     "mapping": _mapping,
     "Constraint": _constraint,

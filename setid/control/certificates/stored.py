@@ -39,6 +39,7 @@ from setid.control.engine import from_json as read_identification
 from setid.control.engine import to_json as write_identification
 from setid.control.parameters.parameter_set import ParameterSet, priors_of
 from setid.control.transfer import Transfer
+from sparsepop_py.io.json_files.codecs import rational
 
 __all__ = ["from_json", "plants_of", "to_json", "verify"]
 
@@ -389,5 +390,7 @@ def _check_numbers(answer: StabilityCertificate) -> None:
 def _read_system(found: Any) -> Transfer | None:
     if found is None:
         return None
-    numerator, denominator = ([Fraction(c) for c in part] for part in found["coefficients"])
+    numerator, denominator = (
+        [rational.read(c, "coefficients") for c in part] for part in found["coefficients"]
+    )
     return Transfer(numerator, denominator, float(found["Ts"]))

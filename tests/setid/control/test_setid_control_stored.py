@@ -257,3 +257,12 @@ def test_a_chain_of_near_ends_hides_no_bound() -> None:
     ceiling = Ceiling.of(arcs)
     assert ceiling.over(1.0 + 1e-9, 1.0 + 2e-9) == 1e-6
     assert ceiling.over(0.5, 0.6) == ceiling.over(2.0, 3.0) == 0.9
+
+
+@pytest.mark.parametrize("text", ["1e99999999999", "0.5", "1/0", 1, True, "1_0"])
+def test_coefficients_are_rationals_of_digits_alone(text: object) -> None:
+    """A power of ten in a few letters once took memory and time without end."""
+    found = json.loads(certificate("characteristic").to_json())
+    found["controller"]["coefficients"][0][0] = text
+    with pytest.raises(setid.SetidError, match="from_json"):
+        control.StabilityCertificate.from_json(json.dumps(found))
