@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -394,3 +395,24 @@ OSIL = """<?xml version="1.0" encoding="UTF-8"?>
 </quadraticCoefficients>
 </instanceData></osil>
 """
+
+
+@pytest.mark.parametrize(("weight", "kept"), [(1.0, ("x0",)), (0.5, ("x0",)), (0.1, ("z", "x0"))])
+def test_an_objective_row_is_put_in_only_without_rounding(
+    weight: float, kept: tuple[str, ...], tmp_path: Path
+) -> None:
+    """0.1 * 1.5 is no double: min 0.1 z, z >= 1.5 x0 stays a problem in z."""
+    pytest.importorskip("pyscipopt")
+    text = f"min\n obj: {weight} z\nst\n r: z - 1.5 x0 >= 0\nbounds\n z free\n 1 <= x0 <= 2\nend\n"
+    path = tmp_path / "row.pip"
+    path.write_text(text)
+    problem = sp.read(path)
+    assert set(problem.names) == set(kept)
+    exact = {
+        str(problem.names[word[-1] - 1]): Fraction(value)
+        for word, value in zip(
+            problem.objective.words.tolist(), problem.objective.coefficients.tolist(), strict=True
+        )
+    }
+    wanted = {"z": Fraction(weight)} if "z" in kept else {"x0": Fraction(weight) * Fraction(1.5)}
+    assert exact == wanted

@@ -308,3 +308,23 @@ def test_conditions_are_refused_by_name() -> None:
     model.cost = pyo.Objective(expr=pyo.Expr_if(IF=model.x >= 0.5, THEN=model.x, ELSE=2))
     with pytest.raises(sp.ProblemError, match="objective cost"):
         sp.from_pyomo(model)
+
+
+@pytest.mark.parametrize("end", [math.nan, -math.inf])
+def test_rows_with_ends_that_are_no_ends_are_refused(end: float) -> None:
+    """A row x <= NaN holds for no x: without it the model would be another one."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(bounds=(0, 3))
+    model.end = pyo.Param(initialize=end, mutable=True, within=pyo.Any)
+    model.cost = pyo.Objective(expr=-model.x)
+    model.row = pyo.Constraint(expr=model.x <= model.end)
+    with pytest.raises(sp.ProblemError, match="constraint row: found"):
+        sp.from_pyomo(model)
+
+
+def test_models_of_the_kernel_are_refused_by_name() -> None:
+    kernel = pytest.importorskip("pyomo.kernel")
+    with pytest.raises(
+        sp.ProblemError, match="found block, expected a Pyomo model, of pyomo.environ"
+    ):
+        sp.from_pyomo(kernel.block())

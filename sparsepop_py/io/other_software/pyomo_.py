@@ -143,8 +143,10 @@ def _binaries(used: list[Any], x: tuple[Polynomial, ...], whole: list[int]) -> I
 
 
 def _check_model(model: Any, environ: ModuleType) -> None:
-    if not hasattr(model, "component_data_objects"):
-        raise ProblemError(f"model: found {type(model).__name__}, expected a Pyomo model")
+    if not all(hasattr(model, name) for name in ("component_data_objects", "is_constructed")):
+        raise ProblemError(
+            f"model: found {type(model).__name__}, expected a Pyomo model, of pyomo.environ"
+        )
     if not model.is_constructed():
         raise ProblemError(
             f"{model.name}: found an abstract model, expected an instance (create_instance)"
@@ -208,6 +210,13 @@ def _rows(
 ) -> Iterator[Constraint]:
     body = walk(row.body, f"constraint {row.name}") + 0.0 * some
     low, high = environ.value(row.lower), environ.value(row.upper)
+    if any(end is not None and end != end for end in (low, high)):
+        raise ProblemError(f"constraint {row.name}: found an end that is not a number")
+    if low == math.inf or high == -math.inf:
+        raise ProblemError(
+            f"constraint {row.name}: found ends {low} and {high}, expected finite ones, or -inf "
+            "below and inf above for none"
+        )
     if row.equality:
         yield _named(body == low, row.name)
         return

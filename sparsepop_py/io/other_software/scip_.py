@@ -246,14 +246,32 @@ def _objective_row(
 
 
 def _solved(row: Constraint, objective: Polynomial, z: int) -> Polynomial | None:
-    """Solve the row, factor z + p, for z, and put that into the objective."""
+    """Solve the row, factor z + p, for z, and put that into the objective.
+
+    None where the row does not say the least value of z, or where that would be rounded.
+    """
     weight, linear = _coefficient(objective, z)
     factor, alone = _coefficient(row.polynomial, z)
     if not (linear and alone) or abs(factor) != 1.0:  # a quotient would be rounded
         return None
     if row.kind is Kind.NONNEGATIVE and factor * weight < 0:
         return None  # the row bounds z from the other side
-    return _dropped(objective, z) - (weight * factor) * _dropped(row.polynomial, z)
+    rest, body = _dropped(objective, z), _dropped(row.polynomial, z)
+    exact: dict[tuple[int, ...], Fraction] = {}
+    for multiple, part in ((1.0, rest), (-weight * factor, body)):
+        for word, number in _terms(part):
+            exact[word] = exact.get(word, Fraction(0)) + Fraction(multiple) * Fraction(number)
+    value = rest - (weight * factor) * body
+    found = {word: Fraction(number) for word, number in _terms(value)}
+    return value if found == {word: number for word, number in exact.items() if number} else None
+
+
+def _terms(polynomial: Polynomial) -> Iterator[tuple[tuple[int, ...], float]]:
+    """List letters without padding, and the coefficient, of each monomial."""
+    for word, value in zip(
+        polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True
+    ):
+        yield tuple(letter for letter in word if letter), value
 
 
 def _coefficient(polynomial: Polynomial, z: int) -> tuple[float, bool]:
