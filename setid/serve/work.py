@@ -270,10 +270,16 @@ def _table(rows: list[tuple[str, str]]) -> str:
 
 
 def _samples(data: IOData) -> str:
-    """Write the samples that were used as a table, with all digits."""
+    """Write the samples that were used as a table, with all digits.
+
+    Without names where these do not tell the columns apart, or hold a separator: columns are
+    then in the order of the channels.
+    """
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
-    table.writerow([*data.input_names, *data.output_names])
+    names = [*data.input_names, *data.output_names]
+    if len(set(names)) == len(names) and not any(set(name) & set(',;\t"#%') for name in names):
+        table.writerow(names)
     for row in np.hstack([data.u, data.y]).tolist():
         table.writerow(["" if np.isnan(value) else repr(value) for value in row])
     return out.getvalue()

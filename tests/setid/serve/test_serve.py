@@ -476,3 +476,27 @@ def test_stop_in_a_browser(page: Any) -> None:
     page.click("#stop")
     page.wait_for_selector("#state:has-text('stopped')")
     assert page.is_hidden("#stop")
+
+
+@pytest.mark.parametrize("header", ["u,u,u", '"a, b","c","y"', "u,v;w,y"])
+def test_samples_with_odd_names_are_proved_again(
+    client: Any, header: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Columns are chosen by their numbers where names are alike or hold separators."""
+    names = header.encode()
+    rows = [b"4,9,0", b"-3,8,-6.25", b"2,7,1.175", b"1,6,2.0875"]
+    sent = send(client, b"\n".join([names, *rows]))
+    if sent.status_code != 200:  # such a file is refused where it is sent
+        assert sent.status_code == 400
+        return
+    given = {**FORM, "record": sent.json["record"], "inputs": [0], "outputs": [2]}
+    started = client.post("/jobs", json=given, headers=CHANGE, base_url="http://127.0.0.1")
+    job = started.json["job"]
+    assert ended(client, job)["state"] == "done"
+    for file in ("record.csv", "certificate.json"):
+        content = client.get(f"/jobs/{job}/{file}", base_url="http://127.0.0.1").data
+        (tmp_path / file).write_bytes(content)
+    paths = [str(tmp_path / file) for file in ("record.csv", "certificate.json")]
+    assert main(["verify", "--record", *paths]) == 0
+    command = [sys.executable, str(ROOT / "checker" / "check.py"), "--record", *paths]
+    assert subprocess.run(command, capture_output=True, check=False, timeout=60).returncode == 0
