@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import permutations
+from types import FunctionType
 from typing import Any
 from zipfile import BadZipFile
 
@@ -34,6 +36,8 @@ _LEAK = 0.01  # slope of leaky ReLU where nothing is said
 _TORCH = {"Tanh": "tanh", "Sigmoid": "sigmoid", "ReLU": "relu", "LeakyReLU": "leaky_relu",
           "Identity": "identity"}  # fmt: skip
 _ONNX = {"Tanh": "tanh", "Sigmoid": "sigmoid", "Relu": "relu", "LeakyRelu": "leaky_relu"}
+_ONNX_USED = {"Gemm": {"alpha", "beta", "transA", "transB", "broadcast"}, "MatMul": set(),
+              "Add": {"broadcast"}, "Identity": set()}  # fmt: skip
 _FUNCTIONS = {"tanh": "tanh", "sigmoid": "sigmoid", "relu": "relu", "leaky_relu": "leaky_relu",
               "_identity": "identity", "identity": "identity"}  # fmt: skip
 
@@ -66,6 +70,7 @@ def from_arrays(
     5
     """
     if isinstance(weights, (str, os.PathLike)):
+        _alone(biases, "biases", "a file, which holds its own")
         with _reading(weights, "an .npz file"), open(weights, "rb") as stream:
             file = np.load(stream, allow_pickle=False)
             held = dict(file) if isinstance(file, Mapping) else {}
@@ -74,6 +79,9 @@ def from_arrays(
             if name not in held:
                 raise ModelError(f"{os.fspath(weights)}: found no array {name}, expected W1, "
                                  "b1, W2, ...")  # fmt: skip
+        if len(held) > 2 * count:
+            raise ModelError(f"{os.fspath(weights)}: found the arrays {', '.join(sorted(held))}, "
+                             f"expected W1, b1 to W{count}, b{count} alone")  # fmt: skip
         return Network(
             [held[f"W{i + 1}"] for i in range(count)],
             [held[f"b{i + 1}"] for i in range(count)],
@@ -104,6 +112,12 @@ def _reading(path: Path, what: str, *others: type[Exception]) -> Iterator[None]:
         raise ModelError(f"{os.fspath(path)}: {error!s:.300}, expected {what}") from None
 
 
+def _alone(given: Any, field: str, beside: str) -> None:
+    """Refuse an argument that would be without effect."""
+    if given is not None:
+        raise ModelError(f"{field}: found {given!r:.60} beside {beside}, expected None")
+
+
 # ---- torch ----------------------------------------------------------------------------------
 
 
@@ -118,12 +132,13 @@ def from_torch(
     ----------
     source : torch.nn.Module, mapping of str to tensor, or path
         ``Linear``, ``Sequential`` of ``Linear`` and activations, ``RNN``, ``LSTM`` or ``GRU``
-        (one layer, one direction; several layers for ``RNN``). A file is loaded with
-        ``weights_only=True``.
+        (one layer, one direction; several layers for ``RNN``), without hooks. A file is loaded
+        with ``weights_only=True``. Layers of a ``state_dict`` are applied in its order; where
+        they differ by their numbers, these ascend.
     activation : str or sequence of str
         Used where only a ``state_dict`` is there, which does not hold it.
     output : torch.nn.Linear, mapping or (W, b), optional
-        Output layer of a recurrent network.
+        Output layer of a recurrent network, and of no other.
 
     Returns
     -------
@@ -134,7 +149,8 @@ def from_torch(
     Raises
     ------
     ModelError
-        Naming the layer that is unknown.
+        Naming the layer that is unknown, or has hooks, which compute something else than its
+        weights say.
 
     Examples
     --------
@@ -149,10 +165,10 @@ def from_torch(
     if isinstance(source, Mapping):
         return _from_state(_numbers(source), activation, _linear(output))
     kind = type(source).__name__
-    if kind == "Linear":
-        return Network([_array(source.weight)], [_bias(source)], "identity")
-    if kind == "Sequential":
-        return _from_sequence(list(source))
+    _without_hooks(source, "source")
+    if kind in ("Linear", "Sequential"):
+        _alone(output, "output", f"a {kind}, which is no recurrent network")
+        return _from_sequence([source] if kind == "Linear" else list(source))
     if kind not in ("RNN", "LSTM", "GRU"):
         raise ModelError(f"source: found a torch module {kind}, expected Linear, Sequential, RNN, "
                          "LSTM or GRU")  # fmt: skip
@@ -164,18 +180,37 @@ def from_torch(
 
 def _array(tensor: Any, field: str = "source") -> Reals:
     """A tensor of any library as doubles."""
-    for step in ("detach", "cpu", "numpy"):
-        tensor = getattr(tensor, step)() if hasattr(tensor, step) else tensor
+    try:
+        if hasattr(tensor, "is_floating_point") and tensor.is_floating_point():
+            tensor = tensor.double()  # numpy knows no bfloat16
+        for step in ("detach", "to_dense", "cpu", "numpy"):
+            tensor = getattr(tensor, step)() if hasattr(tensor, step) else tensor
+    except (TypeError, RuntimeError) as error:  # such as tensors without data
+        raise ModelError(f"{field}: {error!s:.200}, expected real numbers") from None
     return real_array(tensor, field, ModelError)
+
+
+def _without_hooks(module: Any, field: str) -> None:
+    """Refuse a torch module that computes something else than its weights say.
+
+    Hooks change inputs and outputs, or make the weights anew in each call, as weight_norm,
+    spectral_norm and pruning do.
+    """
+    for name in ("_forward_hooks", "_forward_pre_hooks"):
+        if getattr(module, name, None):
+            raise ModelError(f"{field}: found a {type(module).__name__} with forward hooks, as of "
+                             "weight_norm, spectral_norm or pruning, expected none: make the "
+                             "weights permanent (remove_weight_norm, prune.remove)")  # fmt: skip
 
 
 def _numbers(state: Mapping[str, Any], field: str = "source") -> dict[str, Reals]:
     return {str(key): _array(value, f"{field}[{key!r}]") for key, value in state.items()}
 
 
-def _bias(layer: Any) -> Reals:
-    weight = _array(layer.weight)
-    return np.zeros(weight.shape[:1]) if layer.bias is None else _array(layer.bias)
+def _bias(layer: Any, field: str = "source") -> Reals:
+    if layer.bias is None:
+        return np.zeros(_array(layer.weight, field).shape[:1])
+    return _array(layer.bias, field)
 
 
 def _linear(given: Any) -> Any:
@@ -187,9 +222,14 @@ def _linear(given: Any) -> Any:
         if "weight" not in state or not state["weight"].ndim:
             raise ModelError(f"output: found arrays {', '.join(state) or 'none'}, expected weight "
                              "and bias of a linear layer")  # fmt: skip
+        _used(state, {"weight", "bias"}, "output")
         return state["weight"], state.get("bias", np.zeros(len(state["weight"])))
     if hasattr(given, "weight"):
-        return _array(given.weight), _bias(given)
+        kind = type(given).__name__
+        if kind != "Linear":
+            raise ModelError(f"output: found a module {kind}, expected Linear or (W, b)")
+        _without_hooks(given, "output")
+        return _array(given.weight, "output"), _bias(given, "output")
     return given
 
 
@@ -200,6 +240,7 @@ def _from_sequence(modules: list[Any]) -> Network:
     leaks: list[float] = []
     for place, module in enumerate(modules):
         kind = type(module).__name__
+        _without_hooks(module, f"source[{place}]")
         if kind == "Linear":
             weights.append(_array(module.weight))
             biases.append(_bias(module))
@@ -222,26 +263,41 @@ def _one_slope(leaks: list[float]) -> float:
     return leaks[0] if leaks else _LEAK
 
 
-def _used(state: dict[str, Reals], names: set[str]) -> None:
+def _used(state: dict[str, Reals], names: set[str], field: str = "source") -> None:
     """Refuse arrays that belong to no known layer: a network without them would be another one."""
     rest = sorted(set(state) - names)
     if rest:
-        raise ModelError(f"source: found {', '.join(rest):.200} beside known layers, expected the "
+        raise ModelError(f"{field}: found {', '.join(rest):.200} beside known layers, expected the "
                          "arrays of linear layers alone, or of RNN, LSTM or GRU alone")  # fmt: skip
 
 
 def _from_state(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
     if "weight_ih_l0" in state:
         return _recurrent(state, activation, output)
+    _alone(output, "output", "linear layers, which are no recurrent network")
     keys = [key[: -len("weight")] for key in state if key.endswith("weight")]
     matrices = [state[f"{key}weight"] for key in keys]
     if not keys or any(matrix.ndim != 2 for matrix in matrices):
         raise ModelError(f"source: found arrays {', '.join(state) or 'none'}, expected those of "
                          "linear layers or of RNN, LSTM or GRU")  # fmt: skip
     _used(state, {f"{key}{part}" for key in keys for part in ("weight", "bias")})
+    _ascending(keys)
     biases = [state.get(f"{key}bias", np.zeros(len(m)))
               for key, m in zip(keys, matrices, strict=True)]  # fmt: skip
     return Network(matrices, biases, activation, _LEAK)
+
+
+def _ascending(keys: list[str]) -> None:
+    """Refuse layers whose numbers do not ascend, as where files list 10 before 2."""
+    last: dict[str, list[int]] = {}
+    for key in keys:
+        numbers = [int(digits) for digits in re.findall("[0-9]+", key)]
+        stem = re.sub("[0-9]+", "#", key)
+        if numbers < last.get(stem, numbers):
+            raise ModelError(f"source: found the layers {', '.join(keys):.200} in this order, "
+                             "expected ascending numbers, the order in which layers are "
+                             "applied")  # fmt: skip
+        last[stem] = numbers
 
 
 def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
@@ -265,6 +321,9 @@ def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output:
         return Elman(cells, output, _one_name(activation))
     if layers > 1:
         raise ModelError(f"source: found {layers} gated layers, expected one")
+    if _one_name(activation) != "tanh":
+        raise ModelError(f"activation: found {activation!r:.60}, expected tanh, that of gated "
+                         "layers")  # fmt: skip
     return _gated(fed, back, inner, outer, count, output)
 
 
@@ -319,7 +378,7 @@ def from_equinox(
     activation : str, optional
         Of the hidden layers; read from the module's function where left out.
     output : equinox Linear or (W, b), optional
-        Output layer of a cell.
+        Output layer of a cell, and of nothing else.
     final : str, optional
         Activation of the last layer; where left out it is read likewise, and equinox's own
         default is the identity.
@@ -332,7 +391,8 @@ def from_equinox(
     Raises
     ------
     ModelError
-        Naming the module or the activation that is unknown.
+        Naming the module or the activation that is unknown: functions of jax and equinox are
+        known by their names, a function of your own never is.
     """
     kind = type(source).__name__
     parts = {"Linear": ("weight", "bias"), "MLP": ("layers", "activation", "final_activation")}
@@ -340,36 +400,64 @@ def from_equinox(
     if missing:
         raise ModelError(f"source: found {kind} without {', '.join(missing)}, expected a module of "
                          "equinox")  # fmt: skip
+    if kind in ("Linear", "MLP"):
+        _alone(output, "output", f"{kind}, which is no recurrent cell")
+    if kind == "MLP":
+        return _mlp(source, activation, final)
+    for field, given in (("activation", activation), ("final", final)):
+        _alone(given, field, f"{kind}, whose activations are fixed")
     if kind == "Linear":
         return Network([_array(source.weight)], [_bias(source)], "identity")
-    if kind == "MLP":
-        layers = list(source.layers)
-        hidden = activation or _function_name(source.activation, "activation")
-        final = final or _function_name(source.final_activation, "final_activation")
-        names = [hidden] * (len(layers) - 1) + [final]
-        return Network([_array(m.weight) for m in layers], [_bias(m) for m in layers], names)
     if kind not in ("LSTMCell", "GRUCell"):
-        raise ModelError(f"source: found an equinox module {kind}, expected Linear, MLP, LSTMCell "
-                         "or GRUCell")  # fmt: skip
+        raise ModelError(
+            f"source: found an equinox module {kind}, expected Linear, MLP, LSTMCell or GRUCell"
+        )
     fed, back = _array(source.weight_ih), _array(source.weight_hh)
     inner = np.zeros(len(fed)) if source.bias is None else _array(source.bias)
     outer = np.zeros(len(fed))
     if kind == "GRUCell" and getattr(source, "bias_n", None) is not None:
-        outer[-len(fed) // 3 :] = _array(source.bias_n)
+        extra = _array(source.bias_n, "source.bias_n")
+        if 3 * extra.size != len(fed):
+            raise ModelError(
+                f"source.bias_n: found shape {extra.shape}, expected ({len(fed) // 3},)"
+            )
+        outer[-extra.size :] = extra.ravel()
     count = 4 if kind == "LSTMCell" else 3
     return _gated(fed, back, inner, outer, count, _linear(output))
 
 
+def _mlp(source: Any, activation: str | None, final: str | None) -> Network:
+    layers = list(source.layers)
+    for place, layer in enumerate(layers):
+        if type(layer).__name__ != "Linear":
+            raise ModelError(
+                f"source.layers[{place}]: found {type(layer).__name__}, expected Linear"
+            )
+    hidden = activation or _function_name(source.activation, "activation")
+    final = final or _function_name(source.final_activation, "final_activation")
+    names = [hidden] * (len(layers) - 1) + [final]
+    return Network([_array(m.weight) for m in layers], [_bias(m) for m in layers], names)
+
+
 def _function_name(function: Any, field: str) -> str:
-    """The activation that a Python function is called after."""
-    while hasattr(function, "__wrapped__"):
-        function = function.__wrapped__
-    name = getattr(function, "__name__", type(function).__name__)
-    default = str(getattr(function, "__module__", "")).startswith("equinox")
-    found = "identity" if name == "<lambda>" and default else _FUNCTIONS.get(name)
-    if found is None:
+    """The activation that a function of jax or equinox is called after.
+
+    Wrappers bear the name of what they wrap, so that each plain function on the way counts:
+    one from elsewhere, or whose code has another name, computes something else.
+    """
+    chain = [function]
+    while hasattr(chain[-1], "__wrapped__"):
+        chain.append(chain[-1].__wrapped__)
+    last = chain[-1]
+    name = getattr(last, "__name__", type(last).__name__)
+    plain = [part for part in chain if isinstance(part, FunctionType)]
+    homes = {str(part.__globals__.get("__name__")).partition(".")[0] for part in plain}
+    known = homes <= {"jax", "equinox"} and {part.__code__.co_name for part in plain} <= {name}
+    found = "identity" if name == "<lambda>" and homes == {"equinox"} else _FUNCTIONS.get(name)
+    if found is None or not known:
         raise ModelError(
-            f"{field}: found the function {name}, expected a known name: pass activation= or final="
+            f"{field}: found the function {name}, expected a known name of jax or equinox: pass "
+            "activation= or final="
         )
     return found
 
@@ -479,6 +567,7 @@ def from_onnx(path: Path) -> Network:
     Parameters
     ----------
     path : path-like
+        Samples are rows, x W + b as in Gemm, or columns, W x + b, in all layers alike.
 
     Returns
     -------
@@ -493,11 +582,8 @@ def from_onnx(path: Path) -> Network:
     """
     onnx, graph = _graph(path)
     numbers = {item.name: _tensor(onnx, item) for item in graph.initializer}
-    weights: list[Reals] = []
-    biases: list[Reals] = []
-    names: list[str] = []
-    leaks: list[float] = []
-    flow = graph.input[0].name
+    chain = _Chain(_rank(graph, numbers))
+    flow = next((item.name for item in graph.input if item.name not in numbers), "")
     for place, node in enumerate(graph.node):
         label = f"node {place + 1} ({node.name or node.op_type})"
         unknown = [name for name in node.input if name and name not in numbers]
@@ -506,26 +592,13 @@ def from_onnx(path: Path) -> Network:
                              f"{flow} and constants: a chain of layers")  # fmt: skip
         given = [numbers[name] for name in node.input if name in numbers]
         attributes = {a.name: onnx.helper.get_attribute_value(a) for a in node.attribute}
-        if node.op_type in ("Gemm", "MatMul"):
-            weight, bias = _dense(node, given, attributes, label, flow)
-            weights.append(weight)
-            biases.append(bias)
-            names.append("identity")
-        elif node.op_type == "Add" and weights and names[-1] == "identity" and len(given) == 1:
-            biases[-1] = biases[-1] + given[0].ravel()
-        elif node.op_type in _ONNX and weights and names[-1] == "identity":
-            names[-1] = _ONNX[node.op_type]
-            if node.op_type == "LeakyRelu":
-                leaks.append(float(attributes.get("alpha", _LEAK)))
-        elif node.op_type != "Identity":
-            raise ModelError(f"{label}: found the ONNX operator {node.op_type}, expected Gemm, "
-                             f"MatMul, Add, {', '.join(_ONNX)}")  # fmt: skip
+        chain.add(node, given, attributes, label, first=node.input[0] == flow)
         flow = node.output[0]
     shown = [item.name for item in graph.output]
     if shown != [flow]:
         raise ModelError(f"output: found {', '.join(shown) or 'none'}, expected {flow}, the end of "
                          "the chain")  # fmt: skip
-    return Network(weights, biases, names, _one_slope(leaks))
+    return Network(chain.weights, chain.biases, chain.names, _one_slope(chain.leaks))
 
 
 def _graph(path: Path) -> tuple[Any, Any]:
@@ -542,25 +615,95 @@ def _graph(path: Path) -> tuple[Any, Any]:
     return onnx, graph
 
 
+def _rank(graph: Any, numbers: Mapping[str, Reals]) -> int | None:
+    """The number of axes of the input, where the file says it."""
+    kinds = [item.type.tensor_type for item in graph.input if item.name not in numbers]
+    return len(kinds[0].shape.dim) if kinds and kinds[0].HasField("shape") else None
+
+
 def _tensor(onnx: Any, item: Any) -> Reals:
     if item.data_location == onnx.TensorProto.EXTERNAL:
         raise ModelError(f"{item.name}: found weights in another file, expected them in the model")
-    return np.asarray(onnx.numpy_helper.to_array(item), dtype=float)
+    with _reading(item.name, "numbers"):
+        found = onnx.numpy_helper.to_array(item)
+    if found.dtype.kind == "V":  # bfloat16 and others of ml_dtypes
+        found = found.astype(float)
+    return real_array(found, item.name, ModelError)
 
 
-def _dense(
-    node: Any, given: list[Reals], attributes: dict[str, Any], label: str, flow: str
-) -> tuple[Reals, Reals]:
-    for name, usual in (("alpha", 1.0), ("beta", 1.0), ("transA", 0)):
-        if node.op_type == "Gemm" and attributes.get(name, usual) != usual:
-            raise ModelError(f"{label}: found {name} = {attributes[name]}, expected {usual}")
-    if not given or given[0].ndim != 2:
-        raise ModelError(f"{label}: found no constant matrix, expected the weights in the model")
-    if node.input[0] == flow:
-        weight = given[0] if attributes.get("transB", 0) else given[0].T
-    elif node.op_type == "MatMul":
-        weight = given[0]  # W x
-    else:
-        raise ModelError(f"{label}: found the signal as second factor, expected it first")
-    bias = given[1].ravel() if len(given) > 1 else np.zeros(len(weight))
-    return weight, np.broadcast_to(bias, (len(weight),))
+class _Chain:
+    """Layers of an ONNX graph, and whether samples are rows or columns. Mutable."""
+
+    def __init__(self, rank: int | None) -> None:
+        self.weights: list[Reals] = []
+        self.biases: list[Reals] = []
+        self.names: list[str] = []
+        self.leaks: list[float] = []
+        self._samples = "one" if rank == 1 else ""  # "rows" and "columns" by the first layer
+
+    def add(
+        self, node: Any, given: list[Reals], attributes: dict[str, Any], label: str, first: bool
+    ) -> None:
+        """Add an operator with its constants; ``first``: the signal is its first input."""
+        kind = node.op_type
+        if node.domain not in ("", "ai.onnx") or kind not in (*_ONNX_USED, *_ONNX):
+            raise ModelError(f"{label}: found the ONNX operator {node.domain} {kind}, expected "
+                             f"{', '.join((*_ONNX_USED, *_ONNX))}".replace("  ", " "))  # fmt: skip
+        other = sorted(set(attributes) - _ONNX_USED.get(kind, {"alpha"}))
+        if other:
+            raise ModelError(f"{label}: found the attribute {other[0]}, expected none like it")
+        if kind in ("Gemm", "MatMul"):
+            self._dense(kind, given, attributes, label, first)
+        elif kind == "Identity":
+            return
+        elif not self.weights or self.names[-1] != "identity":
+            raise ModelError(f"{label}: found {kind} behind no Gemm, MatMul or Add, expected one "
+                             "activation behind each layer")  # fmt: skip
+        elif kind == "Add":
+            if len(given) != 1:
+                raise ModelError(f"{label}: found {len(given)} constants, expected one")
+            self.biases[-1] = self.biases[-1] + self._bias(given[0], label)
+        else:
+            self.names[-1] = _ONNX[kind]
+            if kind == "LeakyRelu":
+                self.leaks.append(float(attributes.get("alpha", _LEAK)))
+
+    def _dense(
+        self, kind: str, given: list[Reals], attributes: dict[str, Any], label: str, first: bool
+    ) -> None:
+        for name, usual in (("alpha", 1.0), ("beta", 1.0), ("transA", 0)):
+            if attributes.get(name, usual) != usual:
+                raise ModelError(f"{label}: found {name} = {attributes[name]}, expected {usual}")
+        if not given or given[0].ndim != 2:
+            raise ModelError(
+                f"{label}: found no constant matrix, expected the weights in the model"
+            )
+        if kind == "Gemm" and not first:
+            raise ModelError(f"{label}: found the signal as second factor, expected it first")
+        samples = "rows" if first else "columns"  # W x has samples as columns
+        if kind == "Gemm" or self._samples != "one":
+            if self._samples not in ("", samples):
+                raise ModelError(f"{label}: found samples as {samples} behind layers that take "
+                                 f"{self._samples}, expected all layers alike")  # fmt: skip
+            self._samples = samples
+        weight = given[0] if not first or attributes.get("transB", 0) else given[0].T
+        self.weights.append(weight)
+        self.names.append("identity")
+        self.biases.append(np.zeros(len(weight)))
+        if len(given) > 1:
+            self.biases[-1] = self._bias(given[1], label)
+
+    def _bias(self, given: Reals, label: str) -> Reals:
+        """Spread a constant over the outputs of the last layer; over samples it is the same."""
+        width, shape = len(self.weights[-1]), given.shape
+        if self._samples == "columns":
+            fits = given.ndim > 1 and shape[-1] == 1
+            shape = shape[:-1]
+        else:
+            fits = self._samples == "rows" or given.ndim == 1
+        if given.size != 1 and (not fits or given.size != width or shape[-1] != width):
+            raise ModelError(
+                f"{label}: found a constant of shape {given.shape}, expected one number for each "
+                f"of {width} outputs, the same for all samples"
+            )
+        return np.broadcast_to(given.ravel(), (width,))

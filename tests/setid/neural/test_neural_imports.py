@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import sys
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -33,6 +34,11 @@ def test_arrays_and_files(tmp_path) -> None:
         neural.from_arrays(tmp_path / "half.npz")
     with pytest.raises(setid.ModelError, match="biases: found None"):
         neural.from_arrays(w)
+    with pytest.raises(setid.ModelError, match="biases: found .* beside a file"):
+        neural.from_arrays(tmp_path / "net.npz", b)
+    np.savez(tmp_path / "more.npz", W1=w[1], b1=b[1], b2=b[1])
+    with pytest.raises(setid.ModelError, match="found the arrays W1, b1, b2, expected"):
+        neural.from_arrays(tmp_path / "more.npz")
 
 
 def test_pickles_are_not_executed(tmp_path) -> None:
@@ -129,6 +135,75 @@ def test_leaky_relus_of_several_slopes_are_refused() -> None:
     stack[3] = LeakyReLU(0.3)
     with pytest.raises(setid.ModelError, match=r"slopes \[0.1, 0.3\], expected one slope"):
         neural.from_torch(Sequential(stack))
+
+
+def test_hooks_are_refused_wherever_a_module_may_have_them() -> None:
+    """Old weight_norm leaves the class Linear and makes the weight in a hook before each call."""
+    for name in ("_forward_hooks", "_forward_pre_hooks"):
+        layer, stack = Linear(2, 1), Sequential([Linear(2, 1)])
+        setattr(layer, name, {0: print})
+        setattr(stack, name, {0: print})
+        for call in (
+            lambda layer=layer: neural.from_torch(layer),
+            lambda layer=layer: neural.from_torch(Sequential([layer])),
+            lambda stack=stack: neural.from_torch(stack),
+            lambda layer=layer: neural.from_torch(recurrent(), output=layer),
+        ):
+            with pytest.raises(setid.ModelError, match="forward hooks"):
+                call()
+
+
+def test_layers_are_taken_in_the_order_of_their_numbers_or_refused() -> None:
+    """Files that sort their names list 10 before 2; all layers of a width fit one another."""
+    state = {f"{k}.weight": np.full((2, 2), float(k)) for k in range(11)}
+    np.testing.assert_array_equal(neural.from_torch(state).weights[2], np.full((2, 2), 2.0))
+    with pytest.raises(setid.ModelError, match=r"0\., 1\., 10\., 2\., .* expected ascending"):
+        neural.from_torch(dict(sorted(state.items())))
+    named = {"first1.weight": [[1.0]], "b.0.weight": [[2.0]], "a.1.weight": [[3.0]]}
+    assert [w[0, 0] for w in neural.from_torch(named).weights] == [1, 2, 3]
+
+
+def test_arguments_without_effect_are_refused() -> None:
+    head = ([[1.0]], [0.0])
+    for source in (Linear(2, 1), Sequential([Linear(2, 1)]), {"weight": [[1.0]]}):
+        with pytest.raises(setid.ModelError, match="output: found .* beside"):
+            neural.from_torch(source, output=head)
+    gates = {"weight_ih_l0": np.ones((3, 1)), "weight_hh_l0": np.ones((3, 1))}
+    assert neural.from_torch(gates, "tanh").states == 1
+    with pytest.raises(setid.ModelError, match="activation: found 'relu', expected tanh"):
+        neural.from_torch(gates, "relu")
+    with pytest.raises(setid.ModelError, match="output: found scale beside"):
+        neural.from_torch(recurrent(), output={"weight": [[1.0, 1.0]], "scale": [2.0]})
+    for more in ({"output": head}, {"activation": "relu"}, {"final": "relu"}):
+        with pytest.raises(setid.ModelError, match=f"{next(iter(more))}: found .* beside Linear"):
+            neural.from_equinox(Linear(2, 1), **more)
+
+
+def test_functions_are_known_by_their_home_and_not_by_their_name() -> None:
+    """1 / (1 + exp(-4.9 x)) is called sigmoid by many; that of jax is another function."""
+
+    def sigmoid(x: float) -> float:
+        return 1 / (1 + np.exp(-4.9 * x))
+
+    def home(module: str) -> FunctionType:
+        return FunctionType(sigmoid.__code__, {"__name__": module}, "sigmoid")
+
+    @functools.wraps(home("jax._src.nn.functions"))
+    def wrapper(x: float) -> float:
+        return 2 * x
+
+    mlp = type("MLP", (), {})()
+    mlp.layers, mlp.final_activation = [Linear(2, 3), Linear(3, 1)], home("jax._src.nn.functions")
+    mlp.activation = home("jax._src.nn.functions")
+    assert neural.from_equinox(mlp).activation == ("sigmoid", "sigmoid")
+    for own in (sigmoid, wrapper, home("mine")):
+        mlp.activation = own
+        with pytest.raises(setid.ModelError, match="activation: found the function sigmoid"):
+            neural.from_equinox(mlp)
+        assert neural.from_equinox(mlp, activation="relu").activation == ("relu", "sigmoid")
+    mlp.layers[0] = type("WeightNorm", (Linear,), {})(2, 3)
+    with pytest.raises(setid.ModelError, match=r"layers\[0\]: found WeightNorm, expected Linear"):
+        neural.from_equinox(mlp, activation="relu")
 
 
 @pytest.mark.parametrize(
@@ -347,3 +422,69 @@ def test_onnx_chains(tmp_path) -> None:
     save(nodes, tmp_path / "odd.onnx")
     with pytest.raises(setid.ModelError, match="ONNX operator Softplus, expected Gemm"):
         neural.from_onnx(tmp_path / "odd.onnx")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("chain", "shape", "message"),
+    [
+        ([("MatMul", "x", "W"), ("Add", "s", "row")], ["n", 3], None),
+        ([("MatMul", "x", "W"), ("Add", "s", "column")], ["n", 3], r"shape \(3, 1\), expected"),
+        ([("MatMul", "W", "x"), ("Add", "s", "column")], [3, "n"], None),
+        ([("MatMul", "W", "x"), ("Add", "s", "row")], [3, "n"], r"shape \(3,\), expected"),
+        ([("MatMul", "W", "x"), ("Add", "s", "row")], [3], None),
+        ([("MatMul", "W", "x"), ("MatMul", "s", "W")], [3], None),
+        ([("MatMul", "W", "x"), ("MatMul", "s", "W")], ["n", 3], "expected all layers alike"),
+        ([("MatMul", "x", "W"), ("MatMul", "W", "s")], ["n", 3], "expected all layers alike"),
+        ([("Gemm", "x", "W", "column")], ["n", 3], r"shape \(3, 1\), expected"),
+        ([("Gemm", "x", "W", "one")], ["n", 3], None),
+        ([("MatMul", "x", "W"), ("Add", "s", "table")], ["n", 3], r"shape \(3, 3\), expected"),
+    ],
+)
+def test_samples_of_onnx_are_rows_or_columns(chain, shape, message, tmp_path) -> None:
+    """The reference evaluator of onnx computes 3 samples; ours are the same or the file is refused.
+
+    Three samples of three inputs are where broadcasting mixes up the two axes unnoticed.
+    """
+    onnx = pytest.importorskip("onnx", reason=PEER)
+    rng = np.random.default_rng(3)
+    held = {"W": (3, 3), "row": (3,), "column": (3, 1), "one": (1,), "table": (3, 3)}
+    numbers = [onnx.numpy_helper.from_array(rng.normal(size=s), n) for n, s in held.items()]
+    signal, nodes = "x", []
+    for k, (kind, *given) in enumerate(chain):
+        end = "y" if k == len(chain) - 1 else f"s{k}"
+        given = [signal if name in ("x", "s") else name for name in given]
+        nodes.append(onnx.helper.make_node(kind, given, [end]))
+        signal = end
+    double = onnx.TensorProto.DOUBLE
+    ends = [onnx.helper.make_tensor_value_info(n, double, shape) for n in ("x", "y")]
+    graph = onnx.helper.make_graph(nodes, "net", ends[:1], ends[1:], numbers)
+    model = onnx.helper.make_model(graph)
+    onnx.save(model, str(tmp_path / "net.onnx"))
+    if message is not None:
+        with pytest.raises(setid.ModelError, match=message):
+            neural.from_onnx(tmp_path / "net.onnx")
+        return
+    run = pytest.importorskip("onnx.reference", reason=PEER).ReferenceEvaluator(model).run
+    x = rng.normal(size=(3, 3) if len(shape) == 2 else 3)
+    (expected,) = run(None, {"x": x})
+    turned = shape[-1] == "n"
+    found = neural.from_onnx(tmp_path / "net.onnx")(x.T if turned else x)
+    np.testing.assert_allclose(found.T if turned else found, expected, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_half_precision_and_sparse_tensors_of_torch() -> None:
+    torch = pytest.importorskip("torch", reason=PEER)
+    for kind in (torch.bfloat16, torch.float16):
+        weight = torch.tensor([[1 / 3, 2.0]]).to(kind)
+        found = neural.from_torch({"weight": weight}).weights[0]
+        np.testing.assert_array_equal(found, [[float(weight[0, 0]), 2.0]])
+    found = neural.from_torch({"weight": torch.eye(2).to_sparse()}).weights[0]
+    np.testing.assert_array_equal(found, np.eye(2))
+    with pytest.raises(setid.ModelError, match="expected real numbers"):
+        neural.from_torch(torch.nn.Linear(2, 1, device="meta"))
+    layer = torch.nn.Linear(2, 1)
+    layer.register_forward_hook(lambda module, inputs, output: 2 * output)
+    with pytest.raises(setid.ModelError, match="forward hooks"):
+        neural.from_torch(torch.nn.Sequential(layer))
