@@ -379,8 +379,14 @@ class _Reader:
             listed = set(re.findall(r"\w+", chosen.group(1).lower())) if chosen else {"all"}
             if listed not in ({"all"}, set(self.equations)):
                 raise statement.error("a part of the equations", "'/ all /'")
+        relaxed = self.solve and re.search(r"\busing\s+(rmi\w*)", self.solve.text, re.IGNORECASE)
         for variable in self.variables.values():
             low, high = variable.bounds
+            if relaxed and self.solve and variable.kind in ("binary", "integer"):
+                raise self.solve.error(
+                    f"the class {relaxed[1]!r} and the {variable.kind} variable {variable.name!r}",
+                    "a class that keeps integers, or variables that are none",
+                )
             if variable.kind == "integer" and not (isfinite(low) and isfinite(high)):
                 raise variable.statement.error(
                     f"the integer variable {variable.name!r}",

@@ -510,3 +510,16 @@ def test_bounds_of_the_objective_variable_are_exact(read) -> None:
         "x1.up = 1; Model m / all /; Solve m using NLP minimizing objvar;"
     )
     assert [record.place for record in problem.rounding] == ["constraint 0 (objvar_up)"]
+
+
+def test_relaxed_classes_beside_binaries_are_refused(tmp_path: Path) -> None:
+    """RMINLP takes b in [0, 1] with the minimum 0 of (b - 1/2)^2, which binary b do not reach."""
+    text = "{kind} variables b; variables obj;\nEquations e; e.. obj =e= sqr(b - 0.5);\n"
+    text += "Model m / all /;\nb.lo = 0; b.up = 1;\nSolve m using {how} minimizing obj;\n"
+    path = tmp_path / "relaxed.gms"
+    for how in ("RMINLP", "rmiqcp", "rmip"):
+        path.write_text(text.format(kind="Binary", how=how))
+        with pytest.raises(sp.FormatError, match="class .* and the binary variable 'b'"):
+            sp.read(path)
+        path.write_text(text.format(kind="Free", how=how))
+        assert sp.solve(sp.read(path)).lower_bound == pytest.approx(0, abs=1e-6)
