@@ -77,8 +77,8 @@ def read_model(path: str | os.PathLike[str]) -> ReadModel:
         status = reader.readModel(os.fspath(path))
         reader.setOptionValue("log_file", "")
         said = log.read_text(errors="replace") if log.exists() else ""
-    if status != highspy.HighsStatus.kOk:
-        words = [line.partition(":")[2].strip() for line in said.splitlines() if _complains(line)]
+    words = [line.partition(":")[2].strip() for line in said.splitlines() if _complains(line)]
+    if status != highspy.HighsStatus.kOk or words:  # some warnings leave the status at kOk
         raise FormatError(f"{path}: {'; '.join(words) or 'HiGHS cannot read this file'}")
     model = reader.getModel()
     lp, quadratic = model.lp_, model.hessian_

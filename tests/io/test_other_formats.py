@@ -416,3 +416,39 @@ def test_an_objective_row_is_put_in_only_without_rounding(
     }
     wanted = {"z": Fraction(weight)} if "z" in kept else {"x0": Fraction(weight) * Fraction(1.5)}
     assert exact == wanted
+
+
+@pytest.mark.parametrize("ending", [".lp", ".pip"])
+def test_a_variable_that_comes_twice_in_a_row_counts_twice(ending: str, tmp_path: Path) -> None:
+    """1 x + y + 3 x is 4 x + y, and the least x with y = 0 is a quarter."""
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / f"twice{ending}"
+    path.write_text(
+        "minimize\n obj: x + 2 y + 2 x\nsubject to\n c: x + y + 3 x >= 1\n d: x + x <= 6\n"
+        "bounds\n x <= 3\n y <= 3\nend\n"
+    )
+    problem = sp.read(path)
+    for x, y in itertools.product((0.0, 1.0, 2.5), repeat=2):
+        assert problem.objective([x, y]) == 3 * x + 2 * y
+        assert [row.polynomial([x, y]) for row in problem.constraints] == [4 * x + y - 1, 6 - 2 * x]
+    assert sp.solve(problem).lower_bound == pytest.approx(0.75, abs=1e-6)
+
+
+def test_warnings_of_highs_are_errors_with_scip_too(tmp_path: Path) -> None:
+    """Two right-hand sides of one row: HiGHS takes the first, SCIP the second."""
+    path = tmp_path / "sides.mps"
+    path.write_text(
+        "NAME t\nROWS\n N obj\n G c\nCOLUMNS\n x obj 1 c 1\nRHS\n rhs c 1\n rhs c 2\nENDATA\n"
+    )
+    with pytest.raises(sp.FormatError, match="duplicate value"):
+        sp.read(path)
+
+
+def test_warnings_that_leave_the_status_are_errors(tmp_path: Path) -> None:
+    """HiGHS ignores the second of two entries of a column and says so in a warning alone."""
+    path = tmp_path / "entries.mps"
+    path.write_text(
+        "NAME t\nROWS\n N obj\n G c\nCOLUMNS\n x obj 1 c 1\n x c 5\nRHS\n rhs c 1\nENDATA\n"
+    )
+    with pytest.raises(sp.FormatError, match='duplicate nonzero 5 in row "c"'):
+        sp.read(path)

@@ -21,6 +21,8 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_linear"]
 
+_FOR_SCIP = ("quadratic", "appears more than once")  # what HiGHS says where SCIP reads on
+
 
 def read_linear(path: str | os.PathLike[str]) -> Problem:
     r"""Read an MPS or LP file.
@@ -38,7 +40,7 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
     Raises
     ------
     FormatError
-        With the words of HiGHS, or of SCIP where there are quadratic rows.
+        With the words of HiGHS.
 
     Examples
     --------
@@ -54,6 +56,8 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
     try:
         model = read_model(path)
     except FormatError as error:
+        if not any(word in str(error).lower() for word in _FOR_SCIP):
+            raise
         try:
             return read_by_scip(path)
         except SolverNotFound as missing:

@@ -137,8 +137,8 @@ def _rows(
             )
         low, high = _end(model.getLhs(row)), _end(model.getRhs(row))
         if row.isLinearType() or kind == "linear":
-            terms = model.getValsLinear(row)
-            body = _linear(list(terms.values()), [number[name] + 1 for name in terms], names)
+            letters = [number[variable.name] + 1 for variable in model.getConsVars(row)]
+            body = _linear(model.getConsVals(row), letters, names)  # a variable may come twice
         elif model.checkQuadraticNonlinear(row):
             body = _quadratic(model.getTermsQuadratic(row), number, names)
         else:
