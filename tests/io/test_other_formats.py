@@ -452,3 +452,30 @@ def test_warnings_that_leave_the_status_are_errors(tmp_path: Path) -> None:
     )
     with pytest.raises(sp.FormatError, match='duplicate nonzero 5 in row "c"'):
         sp.read(path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "infinity", "message"),
+    [
+        ("0", "1e20", None),
+        ("3", "1e20", "found '3', expected kinds 0"),
+        ("0", "-1", "found '-1', expected a value of infinity above 0"),
+    ],
+)
+def test_kinds_and_infinity_of_qplib(
+    kind: str, infinity: str, message: str | None, tmp_path: Path
+) -> None:
+    """An unknown kind was continuous, and an infinity of -1 left no end finite."""
+    lines = (
+        "tiny, QML, minimize, 2, 1, 1, 1 1 2, 0, 1, 2 -3, 5, 2, 1 1 1, 1 2 1, 1e20, 1, 0, 1e20, 0"
+    )
+    words = lines.split(", ")
+    words[14] = infinity
+    words += ["0", "0", "4", "0", kind, "0", "0", "0", "0", "0", "0", "0", "0", "0"]
+    path = tmp_path / "tiny.qplib"
+    path.write_text("\n".join(words))
+    if message is None:
+        assert sp.read(path).dimension == 2
+        return
+    with pytest.raises(sp.FormatError, match=message):
+        sp.read(path)

@@ -78,6 +78,8 @@ def read_qplib(path: str | os.PathLike[str]) -> Problem:
     if m:
         terms.entries(lines, n, m)
     infinity = lines.number("the value of infinity")
+    if infinity <= 0:
+        raise lines.error(f"{infinity:g}", "a value of infinity above 0")
     left, right = (lines.vector(m, side) for side in ("left", "right")) if m else ([], [])
     low, high, whole = _variables(lines, kind[1], n)
     names = _names(lines, n, m)
@@ -211,6 +213,8 @@ def _variables(lines: _Lines, kind: str, n: int) -> tuple[list[float], list[floa
     if kind in "CI":
         return low, high, list(range(n)) if kind == "I" else []
     kinds = lines.vector(n, "kinds of variables")
+    for found in set(kinds) - {0, 1, 2}:
+        raise lines.error(f"{found:g}", "kinds 0 (continuous), 1 (integer) and 2 (binary)")
     for v in (v for v in range(n) if kinds[v] == 2):  # binary
         low[v], high[v] = max(low[v], 0.0), min(high[v], 1.0)
     return low, high, [v for v in range(n) if kinds[v] in (1, 2)]
