@@ -2,7 +2,7 @@
 
 Linear programs over the cover of the parameters propose what ``proofs/block_bands.py`` proves of
 a map, and the engine tightens it where asked to. Internal signals that are no unknowns are maps of
-measured inputs. The others have the bounds of their unknowns, and what simulation leaves of these.
+measured signals. The others have the bounds of their unknowns, and what simulation leaves of these.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.models.block import BlockStructured
+from setid.models.equations import channel_of
 from setid.models.maps import StaticMap
 from setid.proofs.block_bands import map_deviation, map_ends, map_slopes, simulated_ends
 from setid.proofs.existence import proved_point
@@ -282,37 +283,53 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
         raise ModelError(f"name: found {name!r:.60}, expected a structure with internal signals")
     word(name, "name", model.internal, ModelError)
     groups = result.formulation.layout.groups
-    if name in groups:
-        return _unknown_band(result, name, groups[name])
+    unknown = _unknown_band(result, name, groups[name]) if name in groups else None
     item = dict(model.maps).get(name)
-    if item is None or not all(a[0] == "u" for a in item.arguments):
-        raise ModelError(f"name: found {name!r}, which is neither an unknown nor a map of inputs")
-    channels = np.array([int(argument[1:]) - 1 for argument in item.arguments])
-    rows = np.flatnonzero(~np.any(np.isnan(data.u[:, channels]), axis=1))
-    points = data.u[np.ix_(rows, channels)]
-    reach = result.formulation.noise.bounds(data)[1][np.ix_(rows, channels)]
-    proved = _proved(result, name, points, reach)
-    parts = (*proved, *_attained(result, name, rows, channels))
-    return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
+    if item is None or any(channel_of(argument) is None for argument in item.arguments):
+        if unknown is not None:
+            return unknown
+        raise ModelError(
+            f"name: found {name!r}, which is neither an unknown nor a map of measured signals"
+        )
+    readings, reach, numbers = (
+        np.stack(columns, axis=1)
+        for columns in zip(*(_measured(result, a) for a in item.arguments), strict=True)
+    )
+    rows = np.flatnonzero(~np.any(np.isnan(readings), axis=1))
+    proved = _proved(result, name, readings[rows], reach[rows])
+    parts = (*proved, *_attained(result, name, readings[rows], numbers[rows]))
+    found = SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
+    if unknown is None:
+        return found
+    low, high = np.fmax(unknown.low, found.low), np.fmin(unknown.high, found.high)
+    return replace(unknown, low=frozen(low), high=frozen(high))
+
+
+def _measured(result: FeasibleSet, signal: str) -> tuple[Reals, Reals, NDArray[np.int64]]:
+    """Readings, noise bounds and variables of the noise (-1: none) of a channel, each (N,)."""
+    data, noise = result.formulation.data, result.formulation.noise
+    group, channel = result.formulation.layout.group, int(signal[1:]) - 1
+    output_reach, input_reach, _ = noise.bounds(data)
+    if signal[0] == "u":
+        return data.u[:, channel], input_reach[:, channel], group("xi")[:, channel]
+    return data.y[:, channel], output_reach[:, channel], group("eta")[:, channel]
 
 
 def _attained(
-    result: FeasibleSet, name: str, rows: NDArray[np.int64], channels: NDArray[np.int64]
+    result: FeasibleSet, name: str, readings: Reals, numbers: NDArray[np.int64]
 ) -> tuple[Reals, Reals]:
-    """Ends (K,) of a map of inputs over systems that are known; NaN where none is."""
+    """Ends (K,) of a map of readings over systems that are known; NaN where none is."""
     model, target, _ = _map_of(result, name)
-    data, layout = result.formulation.data, result.formulation.layout
-    theta, xi = layout.group("theta"), layout.group("xi")[np.ix_(rows, channels)]
-    readings, values = data.u[np.ix_(rows, channels)], list[Reals]()
+    theta, values = result.formulation.layout.group("theta"), list[Reals]()
     seen = [np.asarray(w, float) for w in result.witnesses]
-    if seen and not np.any(xi >= 0):  # mixtures of them are consistent, too
+    if seen and not np.any(numbers >= 0):  # mixtures of them are consistent, too
         slopes, constant = map_slopes(model, target, readings)
         values = list(members(result) @ slopes.T + constant)
     for x in seen if not values else ():
-        errors = np.where(xi >= 0, x[np.maximum(xi, 0)], 0.0)
+        errors = np.where(numbers >= 0, x[np.maximum(numbers, 0)], 0.0)
         slopes, constant = map_slopes(model, target, readings - errors)
         values.append(slopes @ x[theta] + constant)
-    found = np.array(values) if values else np.full((1, rows.size), np.nan)
+    found = np.array(values) if values else np.full((1, len(readings)), np.nan)
     return found.min(axis=0), found.max(axis=0)
 
 

@@ -2,10 +2,10 @@
 
 A map N(x) = sum_m gamma_m phi_m(x) is linear in its coefficients at each x: its range over the
 feasible set is that of a linear function over the cover of the parameters. Arguments that are
-measured inputs u = u~ - xi, abs(xi) <= w, change a monomial from its value at the readings by at
+measured, x = x~ - xi with abs(xi) <= w, change a monomial from its value at the readings by at
 most
 
-    prod_i (abs(u~_i) + w_i)^p_i  -  prod_i abs(u~_i)^p_i,
+    prod_i (abs(x~_i) + w_i)^p_i  -  prod_i abs(x~_i)^p_i,
 
 and the map by the sum of these, each times the largest size of its coefficient. Internal signals
 that are unknowns are simulated over the box of the parameters, where the structure is a recursion.

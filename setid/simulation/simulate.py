@@ -186,9 +186,9 @@ def _simulate(
     errors: NDArray[np.float64],
 ) -> dict[str, NDArray[np.float64]]:
     """All signals: each equation gives the one that it defines."""
-    equations = model.equations()
     given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
-    _check_causal(equations, {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given))
+    known = {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given)
+    equations = _in_order(model.equations(), known)
     samples, pad = inputs.shape[0], max(e.lag for e in equations)
     signals = {f"u{i + 1}": column for i, column in enumerate(inputs.T)} | given
     padded = {name: np.append(np.zeros(pad), column) for name, column in signals.items()}
@@ -202,14 +202,17 @@ def _simulate(
     return {name: values[pad:] for name, values in padded.items()}
 
 
-def _check_causal(equations: Sequence[Equation], given: set[str]) -> None:
-    """Each equation needs at lag 0 only what was defined before it."""
-    known = set(given)
-    for equation in equations:
-        now = {s.signal for t in equation.explicit for s in t.signals if s.lag == 0}
-        if not now <= known:
+def _in_order(equations: Sequence[Equation], given: set[str]) -> list[Equation]:
+    """Order equations so that each needs at lag 0 only what is defined before it."""
+    known, rest, found = set(given), list(equations), list[Equation]()
+    while rest:
+        needs = [{s.signal for t in e.explicit for s in t.signals if s.lag == 0} for e in rest]
+        ready = next((i for i, now in enumerate(needs) if now <= known), None)
+        if ready is None:
             raise ModelError(
-                f"model: the equation of {equation.defines} needs {sorted(now - known)} at the "
-                "same sample, expected equations that can be solved in order"
+                f"model: the equation of {rest[0].defines} needs {sorted(needs[0] - known)} at the "
+                "same sample, expected equations that can be solved one after the other"
             )
-        known.add(equation.defines)
+        known.add(rest[ready].defines)
+        found.append(rest.pop(ready))
+    return found

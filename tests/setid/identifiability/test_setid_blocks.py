@@ -400,6 +400,30 @@ class TestBands:
         assert any("gamma2 in [" in text for text in texts)
         assert any("gamma1 = 1" in text for text in texts)
 
+    @pytest.mark.parametrize("form", ["auto", "partial"])
+    def test_of_a_map_of_an_output(self, form: str) -> None:
+        """Lur'e: y = .5 y(k-1) + u(k-1) - w(k-1), w = .2 y^2; y is found before w."""
+        rng = np.random.default_rng(3)
+        u, y = rng.uniform(-1, 1, 25), np.zeros(25)
+        for k in range(1, 25):
+            y[k] = 0.5 * y[k - 1] + u[k - 1] - 0.2 * y[k - 1] ** 2
+        linear = setid.TransferFunction(1, 1, 1)
+        model = setid.Lure(linear, 2, normalise="nolinear", form=form)
+        np.testing.assert_allclose(
+            setid.simulate(model, {"a1": -0.5, "b1": 1.0, "gamma2": 0.2}, u)[:, 0], y, atol=1e-14
+        )
+        data = setid.IOData(u, y + 0.01 * rng.uniform(-1, 1, 25))
+        noise = setid.Noise(output=0.01)
+        result = setid.identify(data, model, noise, setid.Stable(), QUICK)
+        assert result.intervals["gamma2"].outer[0] <= 0.2 <= result.intervals["gamma2"].outer[1]
+        band = setid.signal_band(result, "w")
+        assert np.all((band.low <= 0.2 * y**2) & (0.2 * y**2 <= band.high))
+        assert np.all(band.high - band.low < 0.1)
+        known = ~np.isnan(band.sampled_low)
+        assert known.sum() > 20
+        assert np.all((band.low <= band.sampled_low + 1e-9)[known])
+        assert np.all((band.sampled_high <= band.high + 1e-9)[known])
+
     @pytest.mark.parametrize("seed", [0, 1])
     def test_of_a_map_of_noisy_inputs(self, seed: int) -> None:
         """y = .8 w(k-1), w = u + .3 u^2, with readings of u that are .05 off."""
