@@ -67,6 +67,7 @@ _NOISE = {
     "input": "largest error of a measured input",
     "equation": "largest error of the difference equation",
 }
+_RELATIVE = "bounds of outputs and inputs are shares of readings"
 _VERIFIED = "verified: box, outer and inner ends follow from the record, without any solver"
 _CODES = """exit codes:
   0  every interval is certified; for consistency: the data are explained by these bounds
@@ -172,7 +173,7 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     group.add_argument("--rows", metavar="FIRST:END", help="part of the record, from 0")
     for kind in ("output", "input", "equation"):
         group.add_argument(f"--{kind}-noise", type=float, metavar="BOUND", help=_NOISE[kind])
-    group.add_argument("--relative", action="store_true", help="bounds are shares of readings")
+    group.add_argument("--relative", action="store_true", help=_RELATIVE)
 
 
 def _record(arguments: argparse.Namespace) -> IOData:
@@ -228,6 +229,11 @@ def _noise(arguments: argparse.Namespace) -> Noise:
             "errors of at least one kind (0 says exact); where no bound is known, `setid "
             "consistency` with a guess, such as --output-noise 1, finds the least one that "
             "explains the record"
+        )
+    if arguments.relative and output is input is None:
+        raise NoiseError(
+            "--relative: found it with --equation-noise alone, expected it with --output-noise or "
+            "--input-noise; bounds of equation errors are no shares of readings"
         )
     return Noise(output or 0.0, input or 0.0, equation or 0.0, relative=arguments.relative)
 

@@ -141,6 +141,7 @@ def test_wrong_noise_bounds_name_their_option(
     [
         (["identify", "nowhere.csv", *FIRST], "nowhere.csv"),
         (["identify", "record.csv", *FIRST, "--equation-noise", "-1"], "bound >= 0"),
+        (["identify", "record.csv", *FIRST, "--equation-noise", "1", "--relative"], "no shares"),
         (["identify", "record.csv", "--na", "-1", "--nb", "1"], "na"),
         (
             ["identify", "record.csv", *FIRST, "--output-noise", "1", "--time-limit", "-1"],
