@@ -110,3 +110,15 @@ def test_numbers_of_another_kind_are_told_apart(
     assert old in text
     with pytest.raises(sp.ProblemError, match=message):
         sp.from_json(text.replace(old, new, 1))
+
+
+def test_the_table_of_json_is_told_from_a_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "p.txt").write_text("min x; s.t. x >= 1")
+    table = str(tmp_path / "table.json")
+    assert main(["solve", str(tmp_path / "p.txt"), "--json", table]) == 0
+    capsys.readouterr()
+    assert main(["verify", table]) == 2
+    seen = capsys.readouterr().err
+    assert "what --json writes" in seen and "solve --certificate" in seen

@@ -281,7 +281,8 @@ def columns_of(record: Record, path: str, names: list[str], table: list[Any]) ->
                 raise NotProved(
                     f"{path}: no column of {len(table[0])} samples holds the {len(channel)} of "
                     f"{letter}{number}; if it is the record, say how it is written, as --decimal "
-                    ", for decimal commas, --header 2 for names and a line of units"
+                    ", for decimal commas, --header 2 for names and a line of units, and which "
+                    "part of it was used, as --rows 0:500"
                 )
             name = repr(names[places[0]]) if names else str(places[0])
             found.append(f"{letter}{number} is column {name} of {path}")

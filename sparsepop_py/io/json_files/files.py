@@ -102,6 +102,11 @@ def from_json(source: str) -> Any:
         found = codecs.parsed(source)
     except (TypeError, ValueError, RecursionError) as error:
         raise ProblemError(f"JSON: {error}") from error
+    if isinstance(found, dict) and "format" not in found and {"file", "sense"} <= set(found):
+        raise ProblemError(
+            "JSON: found what --json writes, numbers for other programs without their proofs, "
+            "expected what `sparsepop solve --certificate` or write_json writes"
+        )
     if codecs.field_of(found, "format", "JSON") != _FORMAT:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
     version = codecs.field_of(found, "version", "JSON")
