@@ -42,8 +42,10 @@ from setid.result.progress import Progress
 from sparsepop_py.budget import Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
-__all__ = ["by_engine", "recheck_results", "without_box"]
+__all__ = ["NO_BOX", "STOPPED", "by_engine", "recheck_results", "without_box"]
 
+NO_BOX = "time ended in the search for a box from the data: give more time"
+STOPPED = "interrupted in the search for a box from the data"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
 _LONG = 1000  # equations beyond which the engine solves no system at once
@@ -68,7 +70,11 @@ def without_box(
     if not free:
         find = partial(find_unbounded, formulation, context.until)
         unbounded = context.kept("common factor", find, None)
-    why = (unbounded_text(formulation, loose),) if unbounded is None else simpler_text(unbounded)
+    why: tuple[str, ...] = ()
+    if unbounded is not None:
+        why = simpler_text(unbounded)
+    elif not {NO_BOX, STOPPED} & set(outcome.notes):  # more time may give a box
+        why = (unbounded_text(formulation, loose),)
     notes = (*outcome.notes, *(free_text(free) or why))
     scaled = in_units(stated_problem(outcome), formulation)
     items = intervals_of(formulation, scaled, (), context.settings.tol)

@@ -11,6 +11,7 @@ The box of the parameters comes from the data alone and is part of the proof.
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from math import inf
 
@@ -20,7 +21,7 @@ import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.driven_rows import by_driven_rows
 from setid.bounding.ends import is_closed, is_open
-from setid.bounding.engine import by_engine, without_box
+from setid.bounding.engine import NO_BOX, STOPPED, by_engine, without_box
 from setid.bounding.linear import at_linear_ends, by_linear_programs
 from setid.bounding.long_records import long_record
 from setid.bounding.simulations import by_simulation
@@ -35,7 +36,7 @@ from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
 from setid.proofs.intervals import IntervalStatus
-from setid.proofs.parameter_box import problem_on_box
+from setid.proofs.parameter_box import ProvedBox, problem_on_box
 from setid.result.assembling import Outcome, stated_problem
 from setid.result.identification import Identification
 from setid.result.reports import NOT_CLAIMED
@@ -51,8 +52,6 @@ _NOT_AT_REST = (
     f"denominators: {NOT_CLAIMED}"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_NO_BOX = "time ended in the search for a box from the data: give more time"
-_STOPPED = "interrupted in the search for a box from the data"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 
 
@@ -137,16 +136,17 @@ def _on_box(
     formulation: Formulation, context: BoundingContext, notes: tuple[str, ...]
 ) -> Identification:
     """Find a box from the data, then bound the parameters on it."""
-    late = object()
-    box = context.kept("box", lambda: find_box(formulation, context.until), late)
+    late, until = object(), context.until
+    box = context.kept("box", lambda: find_box(formulation, until), late)
+    over = time.monotonic() >= until
     if box is late:
-        box, notes = None, (*notes, _STOPPED if context.deadline.stopped else _NO_BOX)
+        box, notes = None, (*notes, STOPPED if context.deadline.stopped else NO_BOX)
     if box is not None and box.empty:
         left = min(_SEARCH, context.left)
         keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
         return context.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
-    if box is not None and box.cut_short:
-        notes = (*notes, _STOPPED if context.deadline.stopped else _NO_BOX)
+    if box is not None and (box.cut_short or (over and _is_loose(box))):
+        notes = (*notes, STOPPED if context.deadline.stopped else NO_BOX)
     parts, settled = cascade_of(formulation, box) or long_record(formulation), None
     if parts is not None:
         settled = by_simulation(formulation, context, parts, box, notes)
@@ -166,6 +166,10 @@ def _on_box(
         formulation = bilinear
         outcome = replace(outcome, problem=problem_on_box(formulation, box))
     return _on_loose_box(formulation, context, outcome, points)
+
+
+def _is_loose(box: ProvedBox) -> bool:
+    return bool(np.any(np.isinf(box.lower)) or np.any(np.isinf(box.upper)))
 
 
 def _on_loose_box(

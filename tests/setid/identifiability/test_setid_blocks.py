@@ -675,3 +675,19 @@ def test_the_script_for_matlab_says_that_maps_are_left_out() -> None:
     script = ureal_script(result)
     assert "every consistent linear block is in G" in script
     assert "% G is the linear block: static maps and feedback are left out.\n" in script
+
+
+def test_a_box_for_which_time_ended_is_not_blamed_on_the_data() -> None:
+    """With more time the cells of this Wiener system give a finite box."""
+    rng = np.random.default_rng(0)
+    u, z = rng.uniform(-1, 1, 25), np.zeros(25)
+    for k in range(1, 25):
+        z[k] = 0.5 * z[k - 1] + u[k - 1]
+    data = setid.IOData(u, z + 0.3 * z**2)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, normalise="gamma1")
+    short = setid.Options(time_limit=1e-3, progress=False)
+    noise, prior = setid.Noise(output=0.01), setid.Stable()
+    text = " ".join(setid.identify(data, model, noise, prior, short).notes)
+    assert "give more time" in text and "no finite bounds" not in text
+    result = setid.identify(data, model, noise, prior, QUICK)
+    assert all(np.all(np.isfinite(item.outer)) for item in result.intervals.values())
