@@ -150,9 +150,14 @@ class LinearModel:
         self._feasible = False
 
     def add(self, table: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
-        """Add rows table x <= upper, dense (k, n) and (k,), behind the others; the basis stays.
+        """Add dense rows table x <= upper behind the others.
 
         They are basic, so that the next solve begins where the last one ended.
+
+        Parameters
+        ----------
+        table : (k, n) float
+        upper : (k,) float
         """
         assert self._shape is not None
         rows, (m, n) = _rows_of(table), self._shape
