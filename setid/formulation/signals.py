@@ -189,9 +189,19 @@ def internal_range(
     low, high = np.zeros(rows.size), np.zeros(rows.size)
     for item in equation.terms[1:]:
         ball = product(item.signals, signals, rows, first, -item.coefficient)
-        low = np.nextafter(low + np.nextafter(ball.centre - ball.radius, -np.inf), -np.inf)
-        high = np.nextafter(high + np.nextafter(ball.centre + ball.radius, np.inf), np.inf)
+        below = np.nextafter(low + np.nextafter(ball.centre - ball.radius, -np.inf), -np.inf)
+        above = np.nextafter(high + np.nextafter(ball.centre + ball.radius, np.inf), np.inf)
+        gone = _rests(item.signals, signals, rows, first)
+        low, high = np.where(gone, low, below), np.where(gone, high, above)
     return low, high
+
+
+def _rests(
+    factors: tuple[Lagged, ...], signals: dict[str, Signal], rows: Integers, first: Integers
+) -> NDArray[np.bool_]:
+    """Find rows at which a factor is exactly 0, such as a sample before the record."""
+    balls = [signals[factor.signal].ball(rows, factor.lag, first) for factor in factors]
+    return np.any([(ball.centre == 0.0) & (ball.radius == 0.0) for ball in balls], axis=0)
 
 
 Interval = tuple[float, float]

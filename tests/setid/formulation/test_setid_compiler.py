@@ -133,3 +133,22 @@ def test_simulation_needs_an_order() -> None:
     )
     with pytest.raises(setid.ModelError, match=r"equation of w needs \['y1'\] at the same sample"):
         setid.simulate(loop, [1.0, 1.0], [1.0, 2.0])
+
+
+def test_products_with_a_sample_before_the_record_are_zero() -> None:
+    """y(0) y(-1) is exactly 0 at rest; a product of readings keeps room for its rounding."""
+    model = setid.PolynomialNARX(["y1", "y1*y2*u1"], ny=2, nu=1, initial="zero")
+    data = setid.IOData([1.0, 0.5, -1.0, 0.25], [0.0, 0.5, 1.0, -0.5])
+    problem = setid.formulate(data, model, setid.Noise(output=0.1, input=0.1)).problem
+    ranges = {
+        name: (low, high)
+        for name, low, high in zip(problem.names, problem.lower, problem.upper, strict=True)
+        if name.startswith("p[")
+    }
+    at_rest = [ends for ends in ranges.values() if max(map(abs, ends)) < 1e-300]
+    assert at_rest and all(ends == (0.0, 0.0) for ends in at_rest)
+    assert any(low < -0.1 * 0.6 < 0.1 * 0.6 < high for low, high in ranges.values())
+    exact = setid.Noise(output=[[0.1], [0.0], [0.1], [0.1]], input=0.1)
+    problem = setid.formulate(data, model, exact).problem
+    place = problem.names.index("p[y0*y1][2]")
+    assert problem.lower[place] <= 0.5 * 0.9 < 0.5 * 1.1 <= problem.upper[place]
