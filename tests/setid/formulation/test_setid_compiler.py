@@ -151,4 +151,4 @@ def test_products_with_a_sample_before_the_record_are_zero() -> None:
     exact = setid.Noise(output=[[0.1], [0.0], [0.1], [0.1]], input=0.1)
     problem = setid.formulate(data, model, exact).problem
     place = problem.names.index("p[y0*y1][2]")
-    assert problem.lower[place] <= 0.5 * 0.9 < 0.5 * 1.1 <= problem.upper[place]
+    assert problem.lower[place] <= -0.05 < 0.05 <= problem.upper[place]  # 0.5 times +-0.1
