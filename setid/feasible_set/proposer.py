@@ -33,6 +33,32 @@ _TOGETHER = 2  # rows a parameter that are added at once
 _TINY = 1e-300
 
 
+class _Directions:
+    """Directions (K, p) that wait for multipliers, in units of the box and with entries up to 1."""
+
+    def __init__(self, directions: Reals) -> None:
+        sizes = np.abs(directions).max(axis=1, initial=0.0)
+        self.places = np.flatnonzero((sizes > 0.0) & np.isfinite(sizes))
+        self.sizes = sizes[self.places]
+        self.goals = np.ascontiguousarray((directions[self.places] / self.sizes[:, None]).T)
+        self.open = np.full(self.places.size, True)
+        self.left = self.places.size
+
+    @property
+    def first(self) -> int:
+        """Column of the first one that waits."""
+        return int(np.argmax(self.open))
+
+    def take(self, columns: int | NDArray[np.bool_]) -> None:
+        """Take some out; columns are moved together when half of them are gone."""
+        self.open[columns] = False
+        self.left = int(np.count_nonzero(self.open))
+        if self.left < self.open.size / 2:
+            self.places, self.sizes = self.places[self.open], self.sizes[self.open]
+            self.goals = np.ascontiguousarray(self.goals[:, self.open])
+            self.open = np.full(self.left, True)
+
+
 class Proposer:
     """Source of multipliers for the rows of one polytope, by linear programs.
 
@@ -99,19 +125,17 @@ class Proposer:
 
     def multipliers(self, directions: Reals) -> Iterator[Proposal]:
         """Propose multipliers for the largest values of directions (K, p) times x."""
-        goals = directions * self._unit
-        sizes = np.abs(goals).max(axis=1, initial=0.0)
-        open_ = (sizes > 0.0) & np.isfinite(sizes)
-        goals = goals / np.where(open_, sizes, 1.0)[:, None]
+        waiting = _Directions(directions * self._unit)
         for place in range(len(self.bases)):
-            yield from self._served(place, goals, sizes, open_)
-        while np.any(open_) and self._norm.size and not self.contradictory:
+            yield from self._served(place, waiting)
+        while waiting.left and self._norm.size and not self.contradictory:
             if time.monotonic() > self._until:
                 return
-            first = int(np.flatnonzero(open_)[0])
-            if self._solved(goals[first]):
-                yield from self._served(len(self.bases) - 1, goals, sizes, open_, first)
-            open_[first] = False
+            first = waiting.first
+            if self._solved(waiting.goals[:, first]):
+                yield from self._served(len(self.bases) - 1, waiting, first)
+            else:
+                waiting.take(first)
 
     def contradiction(self) -> Reals | None:
         """Propose multipliers (m,) that prove that there is no point.
@@ -130,22 +154,21 @@ class Proposer:
     # ---- bases --------------------------------------------------------------------------
 
     def _served(
-        self, place: int, goals: Reals, sizes: Reals, open_: NDArray[np.bool_], sure: int = -1
+        self, place: int, waiting: _Directions, sure: int | None = None
     ) -> Iterator[Proposal]:
-        """Multipliers for all open directions for which a basis is optimal."""
-        directions = np.flatnonzero(open_)
-        weights = goals[directions] @ self._inverses[place]
-        fits = weights.min(axis=1, initial=0.0) >= -1e-11 * np.abs(weights).max(axis=1, initial=0.0)
-        fits |= directions == sure
-        directions, weights = directions[fits], weights[fits]
-        if directions.size:
-            open_[directions] = False
+        """Multipliers for all waiting directions for which a basis is optimal."""
+        weights = self._inverses[place].T @ waiting.goals
+        least = weights.min(axis=0, initial=0.0)
+        fits = least >= -1e-11 * np.maximum(weights.max(axis=0, initial=0.0), -least)
+        if sure is not None:
+            fits[sure] = True
+        fits &= waiting.open
+        if np.any(fits):
             rows = self.bases[place]
             mine = rows < self._norm.size  # the box takes what its sides leave
-            norm = self._norm[rows[mine]]
-            yield Proposal(
-                directions, rows[mine], weights[:, mine] * sizes[directions][:, None] / norm
-            )
+            found = weights[mine][:, fits] * waiting.sizes[fits] / self._norm[rows[mine]][:, None]
+            yield Proposal(waiting.places[fits], rows[mine], found.T)
+            waiting.take(fits)
 
     def _solved(self, goal: Reals) -> bool:
         """Solve for one direction; whether that added a basis."""
