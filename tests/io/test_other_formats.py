@@ -418,6 +418,71 @@ def test_an_objective_row_is_put_in_only_without_rounding(
     assert exact == wanted
 
 
+def pip_row(row: str, folder: Path) -> Path:
+    """A file of one row in x and y."""
+    path = folder / "row.pip"
+    path.write_text(
+        f"minimize\n obj: x + y\nsubject to\n c: {row}\nbounds\n 0 <= x <= 3\n 0 <= y <= 3\nend\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("row", "value"),
+    [
+        ("x^2 + 0.5 >= 1", -0.5),
+        ("0.1 + x^2 >= 0.3", 0.1 - 0.3),
+        ("x^2 + .5 + y^2 + .25 <= 2", 1.25),
+        ("x y - 3 + x = 1", -4.0),
+        ("x^2 + 0.1 >= 0", 0.1),
+        ("x^3 + 0.5 >= 1", -0.5),
+        ("x + 0.5 >= 1", -0.5),
+    ],
+)
+def test_constants_beside_products_are_kept(row: str, value: float, tmp_path: Path) -> None:
+    """PySCIPOpt lists the products and linear terms of a quadratic row, and no constant."""
+    pytest.importorskip("pyscipopt")
+    (found,) = sp.read(pip_row(row, tmp_path)).constraints
+    assert found.polynomial([0.0, 0.0]) == pytest.approx(value, abs=1e-15)
+
+
+def test_the_least_value_over_a_quadratic_row_with_a_constant(tmp_path: Path) -> None:
+    """With x^2 + 3 >= 1 in mind x = 0 is feasible, and no bound is above 0."""
+    pytest.importorskip("pyscipopt")
+    assert sp.solve(sp.read(pip_row("x^2 + 3 >= 1", tmp_path))).lower_bound <= 0.0
+
+
+@pytest.mark.parametrize(
+    "power",
+    ["2.5", ".5", "2.", "2.0", "2e1", "3e-1", "-1", " 2.5", "\n 2.5", "2^3", "2 ^3", "12345678901"],
+)
+def test_powers_that_scip_reads_as_other_ones_are_refused(power: str, tmp_path: Path) -> None:
+    """SCIP reads x^2.5 as x^2 + 0.5, x^2e1 as x^20, x^2^3 as x^3."""
+    pytest.importorskip("pyscipopt")
+    path = pip_row(f"x^{power} + y >= 1", tmp_path)
+    with pytest.raises(sp.FormatError, match=r"row\.pip, line 4: found the power '\^"):
+        sp.read(path)
+
+
+def test_comments_hold_no_powers(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    problem = sp.read(pip_row("x^2 \\ not x^2.5\n + y^3 >= 1", tmp_path))
+    assert problem.constraints[0].polynomial([2.0, 3.0]) == 4 + 27 - 1
+
+
+@pytest.mark.parametrize("row", ["(x + y)^2 >= 1", "2 (x + y) >= 1", "exp(x) >= 1", "(x) >= 1"])
+def test_brackets_and_functions_are_no_names(row: str, tmp_path: Path) -> None:
+    """SCIP makes new variables of them, such as '(x' and 'y)'."""
+    pytest.importorskip("pyscipopt")
+    with pytest.raises(sp.FormatError, match="found the variable .*without brackets and functions"):
+        sp.read(pip_row(row, tmp_path))
+
+
+def test_names_may_hold_indices_in_brackets(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    assert "z(1)" in sp.read(pip_row("x^2 + z(1) >= 1", tmp_path)).names
+
+
 @pytest.mark.parametrize("ending", [".lp", ".pip"])
 def test_a_variable_that_comes_twice_in_a_row_counts_twice(ending: str, tmp_path: Path) -> None:
     """1 x + y + 3 x is 4 x + y, and the least x with y = 0 is a quarter."""

@@ -1,8 +1,8 @@
 r"""Files with nonlinear rows, as SCIP reads them: ``.nl``, ``.pip``, ``.osil``, ``.cip``.
 
 Linear rows, and quadratic ones of files that list their products, are taken number by number.
-SCIP offers no way to take rows of higher degree and expressions, as in ``.nl``, so; they come by
-the text in which SCIP writes them, with numbers of 15 digits.
+SCIP offers no way to take constants beside products, rows of higher degree and expressions, as in
+``.nl``, so; they come by the text in which SCIP writes them, with numbers of 15 digits.
 """
 
 from __future__ import annotations
@@ -30,10 +30,12 @@ __all__ = ["read_by_scip"]
 
 _Bounds = tuple[list[float], list[float]]
 _INFINITE = 1e20  # what SCIP takes for infinite
+_TEXTS = (".pip", ".lp")  # as people write them
 _WHOLE = ("BINARY", "INTEGER", "IMPLINT")
 _TERM = re.compile(
     r"([+-]?)\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?((?:\s*\*?\s*x\d+(?:\^\d+)?)*)"
 )
+_NO_POWER = re.compile(r"\^(?!\s*\d{1,4}(?![\d.eE_]|\s*\^))")  # in files, comments left out
 _ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(>=|<=|=)\s*(\S+)", re.S | re.M)
 
 
@@ -55,7 +57,8 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
     Raises
     ------
     FormatError
-        If SCIP cannot read the file, or a row is not polynomial.
+        If SCIP cannot read the file, or would read something else in it, or a row is not
+        polynomial.
     SolverNotFound
         If PySCIPOpt is not installed.
     """
@@ -64,6 +67,8 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
         raise FormatError(f"{path}: found no such file")
     model = _loaded(file, _require_scip())
     variables = model.getVars()
+    if file.suffix.lower() in _TEXTS:
+        _check_names(file, [variable.name for variable in variables])
     if not variables:
         raise FormatError(f"{path}: found no variables, expected a problem in this format")
     number = {variable.name: v for v, variable in enumerate(variables)}
@@ -101,7 +106,34 @@ def _require_scip() -> ModuleType:
     return pyscipopt
 
 
+def _check_powers(file: Path) -> None:
+    """Refuse powers that SCIP reads as other ones: ``x^2.5`` as x^2 + 0.5, ``x^2^3`` as x^3."""
+    lines = file.read_bytes().decode("latin-1").split("\n")
+    text = "\n".join(line.partition("\\")[0] for line in lines)
+    if found := _NO_POWER.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        power = text[found.start() :][:20].partition("\n")[0]
+        raise FormatError(
+            f"{file}, line {line}: found the power {power!r}, expected a whole number of at most "
+            "four digits"
+        )
+
+
+def _check_names(file: Path, names: list[str]) -> None:
+    """Refuse brackets and functions, which SCIP reads as parts of names: ``(x + y)^2``."""
+    known = set(names)
+    for name in names:
+        inner = name.partition("(")[2].removesuffix(")")
+        if name.startswith("(") or name.count("(") != name.count(")") or inner in known:
+            raise FormatError(
+                f"{file}: found the variable {name!r}, expected polynomials without brackets and "
+                "functions"
+            )
+
+
 def _loaded(file: Path, scip: ModuleType) -> Any:
+    if file.suffix.lower() in _TEXTS:
+        _check_powers(file)
     model = scip.Model()
     model.hideOutput()
     for name in ("numerics/epsilon", "numerics/sumepsilon"):
@@ -139,13 +171,15 @@ def _rows(
         if row.isLinearType() or kind == "linear":
             letters = [number[variable.name] + 1 for variable in model.getConsVars(row)]
             body = _linear(model.getConsVals(row), letters, names)  # a variable may come twice
-        elif model.checkQuadraticNonlinear(row):
-            body = _quadratic(model.getTermsQuadratic(row), number, names)
         else:
             text = _written(model, names, file) if text is None else text
             if k not in text:
                 raise FormatError(f"{file}: found the row {row.name!r}, expected polynomial rows")
-            body = text[k].between(low, high)
+            if model.checkQuadraticNonlinear(row):
+                body = _quadratic(model.getTermsQuadratic(row), number, names)
+                body = body + text[k].constant(low, high)
+            else:
+                body = text[k].between(low, high)
         yield from between(body, low, high, row.name)
 
 
@@ -180,10 +214,17 @@ class _Written:
 
     def between(self, low: float, high: float) -> Polynomial:
         """Return what lies between the ends of the row, with the constant."""
+        return self.body + self._moved(low, high)
+
+    def constant(self, low: float, high: float) -> Fraction:
+        """Return the constant of what lies between the ends of the row."""
+        alone = (value for word, value in _terms(self.body) if not word)
+        return sum(map(Fraction, alone), self._moved(low, high))
+
+    def _moved(self, low: float, high: float) -> Fraction:
         end = low if self.relation == ">=" else high
-        if float(f"{end:.15g}") == self.side:
-            return self.body
-        return self.body + (Fraction(end) - Fraction(self.side))
+        same = float(f"{end:.15g}") == self.side
+        return Fraction(0) if same else Fraction(end) - Fraction(self.side)
 
 
 def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, _Written]:
