@@ -204,7 +204,7 @@ def frequency_band(
     ----------
     result : FeasibleSet
         Of a linear structure, or of a block structure: then of the linear block between the
-        channels, or the only one, without static maps and feedback.
+        channels, or the only one, without static maps and feedback through them.
     omega : array_like (F,), optional
         rad per unit of time, at most pi / Ts (any in continuous time).
     kind : {"proved", "sampled"}
@@ -227,7 +227,7 @@ def frequency_band(
     ------
     SetidError
         If the feasible set is empty, or there is no linear block between the channels, or it
-        subtracts the input.
+        subtracts the input, or is not all that is linear between them (a loop, a second path).
 
     Notes
     -----

@@ -91,7 +91,7 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     ModelError
-        If channels have no linear block between them, or an interval is not finite.
+        If channels have no linear block between them, or more, or an interval is not finite.
 
     Examples
     --------

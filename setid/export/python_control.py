@@ -87,8 +87,8 @@ def to_control(
     Parameters
     ----------
     result : FeasibleSet
-        Of a linear structure, or of one linear block with static maps or feedback: these are left
-        out. So is an offset: it is no part of a transfer function.
+        Of a linear structure, or of one linear block with static maps or feedback through them:
+        these are left out. So is an offset: it is no part of a transfer function.
     omega : array_like (F,), optional
         Grid of frequencies.
     kind : {"sampled", "proved"}
@@ -107,7 +107,7 @@ def to_control(
     SolverNotFound
         If python-control is missing; the message says how to install it.
     SetidError
-        If the feasible set is empty or channels have no linear block between them.
+        If the feasible set is empty or channels have no linear block between them, or more.
 
     References
     ----------

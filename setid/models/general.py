@@ -371,6 +371,7 @@ class BlockStructured(InNotebook):
         direct = [b for b in self.blocks if b.target == target and source in dict(b.source)]
         found = self.blocks if len(self.blocks) == 1 else direct
         if len(found) != 1:
+            self._check_joined(target, source)
             raise ModelError(
                 f"model: found {len(found)} linear blocks from {source} to {target}, expected "
                 "one; linear_blocks names them all"
@@ -390,7 +391,8 @@ class BlockStructured(InNotebook):
         Raises
         ------
         ModelError
-            If it acts between other channels, or subtracts the input.
+            If it acts between other channels, or subtracts the input, or is not all that is linear
+            between them: in ``y1 = G(u1 - y1)`` the response of y1 is that of the loop.
         """
         target, source = f"y{output}", f"u{input}"
         block = self._meant(target, source)
@@ -398,10 +400,30 @@ class BlockStructured(InNotebook):
         inputs = [name for name in signs if name != source and (channel_of(name) or "y")[0] == "u"]
         apart = block.target != target and (channel_of(block.target) is not None or output > 1)
         apart |= source not in signs and (bool(inputs) or input > 1)
+        if apart:
+            self._check_joined(target, source)
         if apart or signs.get(source, 1.0) < 0.0:
             raise ModelError(
                 f"model: found {block.target} = G({block.source_text}), expected a linear block "
                 f"to {target} that adds {source}"
+            )
+        driven = self.wiring.driven_by((block.target, source))
+        entries = [b for b in self.blocks if b.target == block.target]
+        active = [b for b in entries for name, _ in b.source if name in driven]
+        if len(active) > int(source in signs):
+            other = next((b for b in active if b is not block), block)
+            raise ModelError(
+                f"model: found {other.target} = G({other.source_text}), by which {source} acts on "
+                f"{target} in another way too, expected one linear block between them and no loop; "
+                "step_band gives the whole response"
+            )
+
+    def _check_joined(self, target: str, source: str) -> None:
+        """Refuse a pair of channels between which nothing acts."""
+        if target not in self.wiring.driven_by((source,), maps=True):
+            raise ModelError(
+                f"model: found nothing from {source} to {target}, a response that is exactly 0; "
+                f"expected a linear block to {target} that adds {source}"
             )
 
     # ---- equations ----------------------------------------------------------------------

@@ -77,6 +77,15 @@ class Wiring:
             *(name for target, _ in self.maps for name in self.weights(target)),
         )
 
+    def driven_by(self, signals: Collection[str], maps: bool = False) -> set[str]:
+        """List signals, and all that blocks, and maps where asked for, make of them."""
+        edges = [(b.target, {name for name, _ in b.source}) for b in self.blocks]
+        edges += [(name, set(item.arguments)) for name, item in self.maps if maps]
+        found = set(signals)
+        while more := {target for target, sources in edges if sources & found} - found:
+            found |= more
+        return found
+
     # ---- pieces of rows -----------------------------------------------------------------
 
     def _settled(self, item: Term) -> Term:

@@ -665,6 +665,58 @@ def test_the_only_block_is_not_that_of_other_channels() -> None:
         transfer_of(other, 1, 1)
 
 
+LOOPS = {
+    "y1 = G(u1 - y1)": {("y1", "u1 - y1"): ONE},
+    "y1 = G(u1 + w), w = H(y1)": {("y1", "u1 + w"): ONE, ("w", "y1"): ONE},
+    "y1 = G(u1) + H(w), w = F(u1)": {("y1", "u1"): ONE, ("y1", "w"): ONE, ("w", "u1"): ONE},
+    "y1 = G(u1 + u1)": {("y1", "u1 + u1"): ONE},
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_block_is_not_the_response_where_its_input_acts_in_another_way_too(name: str) -> None:
+    model = setid.BlockStructured(LOOPS[name], {})
+    with pytest.raises(setid.ModelError, match="by which u1 acts on y1 in another way too"):
+        transfer_of(model, 1, 1)
+
+
+def test_the_response_of_a_loop_is_not_that_of_its_block() -> None:
+    """y = G (u - y) with G = 0.4 / (z - 0.5): the loop has the static gain 0.8 / 1.8."""
+    model = setid.BlockStructured({("y1", "u1 - y1"): setid.TransferFunction(1, 1, 1)}, {})
+    u = np.random.default_rng(4).uniform(-1, 1, 25)
+    truth = setid.simulate_record(model, [-0.5, 0.4], u, setid.Noise(equation=0.001))
+    result = setid.identify(truth.data, model, setid.Noise(equation=0.001))
+    step = setid.step_band(result, 60)
+    assert step.low[-1] <= 0.8 / 1.8 <= step.high[-1] < 0.5
+    gain = setid.DCGain(0.7, 0.9)
+    for asked in (
+        lambda: setid.frequency_band(result, [0.5]),
+        lambda: setid.to_control(result),
+        lambda: ureal_script(result),
+        lambda: setid.formulate(truth.data, model, setid.Noise(equation=0.01), gain),
+    ):
+        with pytest.raises(setid.ModelError, match="y1 = G.u1-y1.*step_band gives the whole"):
+            asked()
+
+
+def test_feedback_through_maps_is_left_out_of_the_linear_block() -> None:
+    assert transfer_of(setid.Lure(ONE, 2, normalise="gamma1"), 1, 1).denominator == ("a1",)
+    coupled = setid.BlockStructured(
+        {("y1", "u1"): ONE, ("y1", "y2"): ONE, ("y2", "u2"): ONE}, {}, inputs=2, outputs=2
+    )
+    assert transfer_of(coupled, 1, 1).denominator == ("a[y1,u1]1",)
+
+
+def test_channels_between_which_nothing_acts_are_said_to_have_the_response_zero() -> None:
+    model = setid.BlockStructured(
+        {("y1", "u1"): ONE, ("y2", "u2"): ONE, ("y2", "y1"): ONE}, {}, inputs=2, outputs=2
+    )
+    with pytest.raises(setid.ModelError, match="found nothing from u2 to y1, a response that is "):
+        transfer_of(model, 1, 2)
+    with pytest.raises(setid.ModelError, match="found 0 linear blocks from u1 to y2"):
+        transfer_of(model, 2, 1)  # by way of y1
+
+
 def test_the_script_for_matlab_says_that_maps_are_left_out() -> None:
     truth = simulated("hammerstein", 0.01, 15)
     model, _, priors = CASES["hammerstein"]
