@@ -22,7 +22,7 @@ from setid.data.checks import word
 from setid.data.record import IOData
 from setid.data.tables import column_names
 from setid.errors import DataError, SetidError
-from setid.serve.work import Form, check_samples, read_form, work
+from setid.serve.work import Form, check_lines, check_samples, read_form, work
 from sparsepop_py.executors.processes import Processes, WorkerLost
 
 __all__ = ["Jobs", "make_app", "serve"]
@@ -128,11 +128,12 @@ class Jobs:
         Raises
         ------
         DataError
-            If it is no table of numbers.
+            If it is no table of numbers, or too long.
         """
         with self._lock:
             name = self._name()
             path = self._folder / f"record{name}.csv"
+        check_lines(content)
         path.write_bytes(content)
         try:
             word(decimal, "decimal", (".", ","), DataError)
@@ -358,19 +359,18 @@ def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> 
     _flask()
     from werkzeug.serving import make_server
 
-    jobs = Jobs(Path(tempfile.mkdtemp(prefix="setid-")))
     if threading.current_thread() is threading.main_thread():
         for name in ("SIGTERM", "SIGHUP"):  # so that the files are deleted then, too
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup
                 signal.signal(number, signal.default_int_handler)
     try:
-        server = make_server("127.0.0.1", port, make_app(jobs), threaded=True)
-        with closing(server.socket):
-            if on_start is not None:
-                on_start(f"http://127.0.0.1:{server.server_port}/")
-            server.serve_forever()
+        kept = tempfile.TemporaryDirectory(prefix="setid-", ignore_cleanup_errors=True)
+        with kept as folder, closing(Jobs(Path(folder))) as jobs:
+            server = make_server("127.0.0.1", port, make_app(jobs), threaded=True)
+            with closing(server.socket):
+                if on_start is not None:
+                    on_start(f"http://127.0.0.1:{server.server_port}/")
+                server.serve_forever()
     except KeyboardInterrupt:
         pass
-    finally:
-        jobs.close()

@@ -33,10 +33,11 @@ from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from sparsepop_py.files import write_text
 
-__all__ = ["Form", "check_samples", "read_form", "work"]
+__all__ = ["Form", "check_lines", "check_samples", "read_form", "work"]
 
 Ends = tuple[float, float]
 _CLOSED = 1e-3  # of the attained width, the tolerance of options
+_OTHER_LINES = 1000  # names, comments, blank lines
 MOST_SAMPLES, MOST_ORDER, MOST_PARAMETERS, MOST_SECONDS = 20_000, 20, 300, 3600.0
 _ERRORS = (SetidError, sp.SparsePOPError, ValueError, ArithmeticError)
 
@@ -85,6 +86,23 @@ class Form:
             ("time limit", f"{self.seconds:g} s"),
         ]
         return [(name, text if text.isprintable() else repr(text)) for name, text in rows]
+
+
+def check_lines(content: bytes) -> None:
+    """Check that a file is not too long for the page, before it is read.
+
+    Parameters
+    ----------
+    content : bytes
+        A table, perhaps with comments before it and blank lines after it.
+
+    Raises
+    ------
+    DataError
+    """
+    lines = content.count(b"\n") + content.count(b"\r") - content.count(b"\r\n")
+    if lines > MOST_SAMPLES + _OTHER_LINES:
+        raise DataError(f"record: found {lines} lines, expected at most {MOST_SAMPLES} samples")
 
 
 def check_samples(data: IOData) -> None:

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -320,6 +321,36 @@ def test_a_table_without_a_length_is_refused(client: Any) -> None:
 def test_long_records_are_refused_where_they_are_sent(client: Any) -> None:
     found = send(client, b"u,y\n" + b"1,2\n2,1\n1,1\n" * 6_667)
     assert found.json["error"] == "record: found 20001 samples, expected at most 20000"
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_files_of_many_lines_are_refused_before_they_are_read(
+    end: bytes, client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "column_names", lambda *_: pytest.fail("the file was read"))
+    found = send(client, b"u,y" + end + (b"1,2" + end) * 30_000)
+    assert found.status_code == 400
+    assert found.json["error"] == "record: found 30001 lines, expected at most 20000 samples"
+
+
+def test_comments_and_line_ends_of_two_characters_are_no_samples(client: Any) -> None:
+    head = b"# a comment\r\n" * 500 + b"u,y\r\n"
+    assert send(client, head + b"1,2\r\n2,1\r\n" * 10_000).json["samples"] == 20_000
+
+
+def test_files_are_deleted_when_a_signal_comes_before_the_server(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    seen = []
+
+    def interrupted(folder: Path) -> None:
+        seen.append(folder.is_dir())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(server, "Jobs", interrupted)
+    server.serve(0)
+    assert seen == [True] and not list(tmp_path.iterdir())
 
 
 def test_defects_of_the_server_are_said_and_logged(
