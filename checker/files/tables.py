@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,19 +12,22 @@ from .reading import Malformed, finite
 
 MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
 MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], list[list[Any]]]:
     """Read names (or none) and columns; a first line with a word is a header."""
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
+        lines = Path(path).read_text(encoding="utf-8-sig").split("\n")
+        if not lines[-1]:
+            lines.pop()
+        while lines and lines[0].strip()[:1] in ("", "#", "%"):
+            del lines[0]
+        marks = ";\t," if decimal == "." else ";\t"
+        mark = next((m for m in marks if lines and m in lines[0]), None)
+        rows = [[field.strip() for field in fields_of(line, mark)] for line in lines]
+    except (OSError, ValueError, csv.Error) as error:
         raise Malformed(f"{path}: {error}") from None
-    while lines and lines[0][:1] in ("", "#", "%"):
-        del lines[0]
-    marks = ";\t," if decimal == "." else ";\t"
-    mark = next((m for m in marks if lines and m in lines[0]), None)
-    rows = [[field.strip() for field in line.split(mark)] for line in lines]
     if header is None:
         header = int(bool(rows) and any(reading(field, decimal) == "no" for field in rows[0]))
     names, rows = rows[0] if header and rows else [], rows[header:]
@@ -30,6 +35,14 @@ def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], li
         raise Malformed(f"{path}: lines of several lengths, or none")
     columns = zip(*rows, strict=True)
     return names, [[reading(field, decimal) for field in column] for column in columns]
+
+
+def fields_of(line: str, mark: str | None) -> list[str]:
+    """Split a line at its separator, but not within quotes; without one at blanks."""
+    if mark is None:
+        return line.split()
+    inner = line.strip(" " if mark == "\t" else " \t")
+    return next(csv.reader([inner], delimiter=mark, strict=True), [])
 
 
 def part_of(columns: list[list[Any]], rows: str) -> list[list[Any]]:
@@ -48,6 +61,6 @@ def reading(field: str, decimal: str) -> Any:
     if decimal == ",":
         field = "no" if "." in field else field.replace(",", ".")
     try:
-        return Fraction(finite(float(field), "reading"))
-    except (ValueError, Malformed):
+        return Fraction(finite(float(field), "reading")) if NUMBER.fullmatch(field) else "no"
+    except Malformed:
         return "no"

@@ -140,6 +140,8 @@ def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
 def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what linear programs prove on the parts that signs of parameters make."""
     nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
+    if not nodes:
+        raise Malformed("box.nodes: there is none")
     hull = no_point(p)
     stack, seen = [(0, ends)], set[int]()
     while stack:

@@ -57,6 +57,8 @@ class Identification:
             raise Malformed("given: not two ends for each parameter")
         if INF in self.given[0] or -INF in self.given[1]:
             raise Malformed("given: an infinite end on the other side")
+        if max(len(self.got.ends), len(self.got.linear)) > 2 * p:
+            raise Malformed("ends, linear: more than two for each parameter")
         self._number()
         self.structure = self._stated(item(found, "structure", "file"))
         self.driven = _inside(found, "driven", ("driven", "fewer_priors"))

@@ -259,6 +259,8 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what multipliers leave of the regions of a tree."""
     about, p = Simulation(rows.about, rows), rows.count
     got = fields(step, "box", 0, directions="l", shares="l", nodes="l")
+    if not got.nodes:
+        raise Malformed("box.nodes: there is none")
     tables = [
         [[down(finite(v, "box")) for v in items(line, "box")] for line in table]
         for table in (got.directions, got.shares)

@@ -86,6 +86,13 @@ def test_trees_of_signs_whose_nodes_are_shared_take_no_time():
     assert verdict(found) == "malformed"
 
 
+@pytest.mark.parametrize(("name", "kind"), [("strong-oi", "SignTree"), *list(PROVED.items())[2:]])
+def test_trees_without_nodes_are_malformed(name, kind):
+    found = loaded(name)
+    step_of(found, kind)["nodes"] = []
+    assert verdict(found) == "malformed"
+
+
 @pytest.mark.parametrize("change", [lambda v: v / 2, lambda v: -v, lambda v: 0.0])
 def test_left_inverses_of_a_record_are_not_believed(change):
     found = loaded("o-0")

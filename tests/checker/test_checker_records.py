@@ -312,6 +312,30 @@ def test_tables_with_decimal_commas_and_units_are_read(tmp_path, capsys):
     assert command.main([*call, "--decimal", ",", "--header", "2"]) == 1
 
 
+def test_separators_within_quotes_separate_nothing(tmp_path, capsys):
+    """As `setid verify` reads them."""
+    found = loaded("o-0")
+    path, table = tmp_path / "identification.json", tmp_path / "record.csv"
+    path.write_text(written("o-0"))
+    pairs = list(zip(found["record"]["u"][0], found["record"]["y"][0], strict=True))
+    rows = [f'{k},"{u!r}",{y!r}' for k, (u, y) in enumerate(pairs)]
+    table.write_text("\n".join(['t,"valve, a",level', *rows]) + "\n")
+    assert setid.IOData.from_csv(table, "valve, a", "level").samples == len(rows)
+    assert command.main(["--record", str(table), str(path)]) == 0
+    assert "u1 is column 'valve, a'" in capsys.readouterr().out
+    table.write_text("\n".join(['t,"valve, a,level', *rows]) + "\n")
+    assert command.main(["--record", str(table), str(path)]) == 2
+
+
+@pytest.mark.parametrize(("name", "field"), [("o-0", "ends"), ("e-0", "linear")])
+def test_more_ends_than_those_of_the_parameters_are_malformed(name, field):
+    found = loaded(name)
+    whole = found[field] or [{"certificate": None, "attained": None, "status": "UNBOUNDED"}]
+    found[field] = whole * (2 * len(found["parameters"]) + 1)
+    with pytest.raises(reading.Malformed, match="more than two for each parameter"):
+        Identification(found)
+
+
 def test_help_is_given(capsys):
     assert command.main(["--help"]) == command.main(["-h"]) == 0
     assert capsys.readouterr().out.count("--decimal ") == 4
