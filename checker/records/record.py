@@ -71,6 +71,7 @@ class Identification:
         self.rounded = False  # whether rows of equation errors are rounded outwards
         self.loose = False  # whether they allow more than that
         self.empty = False  # whether no parameters explain the record
+        self.ranges: dict[tuple[str, int, int], tuple[Any, Any]] = {}  # of missing samples
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
 
     def _number(self) -> None:
@@ -263,18 +264,64 @@ class Identification:
         """The bounds of an unknown sample are no tighter than what is known of it."""
         group, channel, k = self.keys[v]
         low, high = self.bounds(v)
-        known: tuple[Any, Any] | None = (-INF, INF)
+        known: tuple[Any, Any] = (-INF, INF)
         if group == "slack":
             known = (low, high)  # part of a prior, whose rows are taken as given
         elif group in GROUPS:
             size = self.record.bounds[GROUPS[group]][channel - 1][k]
             known = (-size, size)
         elif group in ("y", "u"):
-            known = self.record.range(group, channel - 1) or known
-        assert known is not None
+            known = self._known(group, channel, k)
         if low > known[0] or high < known[1]:
             raise NotProved(f"the bounds of {group}{channel}[{k + 1}] do not follow")
-        self.whole &= (low, high) == known
+        if group in ("y", "u"):  # what an equation implies holds with its row
+            known = self.record.range(group, channel - 1) or (low, high)
+            self.whole &= low >= known[0] and high <= known[1]
+        self.whole &= group in ("y", "u") or (low, high) == known
+
+    def _known(self, letter: str, channel: int, k: int) -> tuple[Any, Any]:
+        """The range of a missing sample: what is given, and of an output what is implied."""
+        if (letter, channel, k) not in self.ranges:
+            known = self.record.range(letter, channel - 1) or (-INF, INF)
+            implied = self._implied(channel, k) if letter == "y" else (-INF, INF)
+            ends = max(known[0], implied[0]), min(known[1], implied[1])
+            self.ranges[letter, channel, k] = ends
+        return self.ranges[letter, channel, k]
+
+    def _implied(self, channel: int, k: int) -> tuple[Any, Any]:
+        """The range of an output by its own equation, over the given ranges of parameters."""
+        if self.structure is None or self.structure.splits(channel - 1):
+            return -INF, INF
+        terms, first = self.structure.equation(f"y{channel}"), self.record.first(k)
+        if not self.structure.zero and k - max(term.lag for term in terms) < first:
+            return -INF, INF
+        error = self.record.bounds["equation"][channel - 1][k]
+        low, high = -error, error
+        for term in terms[1:]:
+            places = [self.names.index(name) for name in term.parameters]
+            factors = [(self.given[0][v], self.given[1][v]) for v in places]
+            if term.signal and k - term.lag < first:
+                continue  # at rest before the record
+            if term.signal:
+                factors.append(self._sample(term.signal, k - term.lag))
+            if any(end in (INF, -INF) for pair in factors for end in pair):
+                return -INF, INF
+            a = b = Fraction(-term.sign)
+            for c, d in factors:
+                products = a * c, a * d, b * c, b * d
+                a, b = min(products), max(products)
+            low, high = low + a, high + b
+        return low, high
+
+    def _sample(self, signal: str, k: int) -> tuple[Any, Any]:
+        """The range of a sample of a measured signal: its reading with noise, or as missing."""
+        letter, channel = signal[0], int(signal[1:])
+        value = (self.record.y if letter == "y" else self.record.u)[channel - 1][k]
+        if value is None:
+            return self._known(letter, channel, k)
+        bounds = self.record.bounds["output" if letter == "y" else "input"]
+        size = bounds[channel - 1][k]
+        return value - size, value + size
 
     # ---- intervals ------------------------------------------------------------------------
 

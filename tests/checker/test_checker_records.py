@@ -27,6 +27,7 @@ from checker.records.record import Identification
 from checker.result import NotProved
 from setid.proofs.parameter_box import ProvedBox
 from setid.result.certificate_files import certificate_files
+from setid.result.json_ import certificate_text
 
 INF = math.inf
 
@@ -334,6 +335,32 @@ def test_more_ends_than_those_of_the_parameters_are_malformed(name, field):
     found[field] = whole * (2 * len(found["parameters"]) + 1)
     with pytest.raises(reading.Malformed, match="more than two for each parameter"):
         Identification(found)
+
+
+def gapped(ranges):
+    """y(k) + a1 y(k-1) = b0 u(k), sample 4 missing: y(4) = -a1 y(3) + b0 u(4)."""
+    u, y = [1.0, 0.5, 1.0, -1.0, 1.0, 0.5], [1.0, 1.0, 1.5, None, 0.875, 0.9375]
+    data = setid.IOData(u, [math.nan if v is None else v for v in y], y_range=ranges)
+    priors = [setid.Box({"a1": (-0.75, -0.25), "b0": (0.5, 1.5)})]
+    options = setid.Options(time_limit=5.0, progress=False)
+    noise = setid.Noise(output=0.125)
+    result = setid.identify(data, setid.TransferFunction(1, 1), noise, priors, options)
+    return json.loads(certificate_text(result))["identification"]
+
+
+@pytest.mark.parametrize("ranges", [None, [(-9.0, 9.0)], [(-9.0, 0.5)]])
+def test_the_range_that_its_equation_implies_bounds_a_missing_output(ranges):
+    """-a1 y(3) in [.25 1.375, .75 1.625], and b0 u(4) in [-1.5, -.5]."""
+    found = gapped(ranges)
+    about = Identification(found)
+    lines = about.check()
+    assert sum("attained from" in line for line in lines) == 2
+    (place,) = (v for v, key in enumerate(about.keys) if key == ("y", 1, 3))
+    low, high = 0.25 * 1.375 - 1.5, 0.75 * 1.625 - 0.5
+    assert about.bounds(place)[0] == pytest.approx(low, abs=1e-12)
+    assert about.bounds(place)[1] == pytest.approx(0.5 if ranges and high > ranges[0][1] else high)
+    found["problem"]["lower"]["data"][place] += 1e-9 / found["units"][place]
+    assert verdict(found) == "refused"
 
 
 def test_help_is_given(capsys):
