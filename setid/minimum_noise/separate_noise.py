@@ -46,7 +46,7 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
     outputs : (N, ny) float
         Of the model, as of :func:`separate_fit`.
     or None
-        Where some output has too few readings.
+        Where some output has too few readings, or none with noise.
     """
     model, data = formulation.model, formulation.data
     assert isinstance(model, TransferFunction)
@@ -58,6 +58,8 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
         own = now + max(until - now, 0.0) / (model.outputs - output.number)
         bound, y = bounds[:, output.number], data.y[:, output.number]
         size = np.maximum(bound, _LEAST * float(bound.max()))
+        if not np.all(size > 0.0):
+            return None
         return _Descent(output, y, size, stable).run(own)
 
     return fit_outputs(data, model, fit)

@@ -406,3 +406,16 @@ def test_estimates_that_take_long_end_with_the_limit(
     options = setid.Options(time_limit=1.0, progress=False)
     found = setid.consistency(data, model, noise, setid.Stable(), options)
     assert tried == [0] and found.verify() and found.scale[0] <= 1.0
+
+
+def test_exact_outputs_with_denominators_of_their_own_need_no_search_of_output_noise() -> None:
+    """Noise of the inputs alone: nothing is divided by the bounds of the outputs, which are 0."""
+    model, generator = setid.TransferFunction(1, 1, 1, inputs=2), np.random.default_rng(1)
+    noise = setid.Noise(input=0.01)
+    u = generator.uniform(-1, 1, (12, 2))
+    made = setid.simulate_record(model, [-0.5, 0.4, 1.0, 0.7], u, noise)
+    options = setid.Options(time_limit=2.0, progress=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        found = setid.consistency(made.data, model, noise, [setid.Stable()], options=options)
+    assert found.scale[0] <= 1.0
