@@ -107,7 +107,10 @@ def _require_scip() -> ModuleType:
 
 
 def _check_powers(file: Path) -> None:
-    """Refuse powers that SCIP reads as other ones: ``x^2.5`` as x^2 + 0.5, ``x^2^3`` as x^3."""
+    """Refuse powers that SCIP reads as other ones.
+
+    It takes ``x^2.5`` for x^2 + 0.5, ``x^2e1`` for x^20 and ``x^2^3`` for x^3.
+    """
     lines = file.read_bytes().decode("latin-1").split("\n")
     text = "\n".join(line.partition("\\")[0] for line in lines)
     if found := _NO_POWER.search(text):
@@ -120,7 +123,7 @@ def _check_powers(file: Path) -> None:
 
 
 def _check_names(file: Path, names: list[str]) -> None:
-    """Refuse brackets and functions, which SCIP reads as parts of names: ``(x + y)^2``."""
+    """Refuse brackets and functions, which SCIP reads as parts of names."""
     known = set(names)
     for name in names:
         inner = name.partition("(")[2].removesuffix(")")
