@@ -270,7 +270,7 @@ def _regression_rows(
     slope, level = _chords(lower, upper)
     size = np.maximum(np.abs(lower), np.abs(upper))
     # Without bounds there is no chord, or its rounding grows with the parameter.
-    usable = ~np.any(np.isinf(size) & (rows.radii > 0), axis=1)
+    usable = ~np.any((np.isinf(size) | np.isinf(level)) & (rows.radii > 0), axis=1)
     size, level = np.where(np.isfinite(size), size, 0.0), np.where(np.isinf(level), 0.0, level)
     target, radii, regressors = (x[usable] for x in (rows.target, rows.radii, rows.regressors))
     width = rows.radius[usable] + radii @ level
@@ -284,13 +284,14 @@ def _regression_rows(
 
 
 def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-    """Bound abs(t) <= slope t + level on each interval; level is inf on infinite ones."""
+    """Bound abs(t) <= slope t + level on each interval; level is inf where there is no chord."""
     mixed = (lower < 0) & (upper > 0)
     finite = mixed & np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(finite, lower, -1.0), np.where(finite, upper, 1.0)
-    slope = np.where(finite, (high + low) / (high - low), np.where(lower >= 0, 1.0, -1.0))
-    level = -2.0 * (low / (high - low)) * high
-    level = level + 8 * _EPS * (level + high - low)  # the chord of a convex function, raised
+    with np.errstate(over="ignore"):  # ends so far apart have no chord
+        slope = np.where(finite, (high + low) / (high - low), np.where(lower >= 0, 1.0, -1.0))
+        level = -2.0 * (low / (high - low)) * high
+        level = level + 8 * _EPS * (level + high - low)  # the chord of a convex function, raised
     return np.where(mixed & ~finite, 0.0, slope), np.where(
         finite, level, np.where(mixed, np.inf, 0.0)
     )

@@ -148,3 +148,13 @@ def test_rows_without_noise_of_regressors_need_no_bounds() -> None:
     found = cover(stated(one, np.ones((1, 1)), one, np.zeros((1, 1))), -one * inf, one * inf)
     assert sorted(found.matrix[:, 0].tolist()) == [-1.0, 1.0]
     assert np.all(found.right >= [0.0, 2.0]) and np.all(found.right <= [1e-12, 2.0 + 1e-12])
+
+
+def test_rows_hold_where_the_ends_are_too_far_apart_for_a_chord() -> None:
+    """With high - low beyond all doubles noise of regressors may explain parameters of any size."""
+    one, ends = np.ones(1), np.full(1, 1e308)
+    given = stated(0.1 * one, np.full((1, 1), 0.1), one, np.full((1, 1), 0.15))
+    found = cover(given, -ends, ends)
+    for theta in (-1e300, 1e300, 1e308):  # abs(0.1 + 0.1 theta) <= 1 + 0.15 abs(theta)
+        for row, right in zip(found.matrix, found.right, strict=True):
+            assert product(row, rationals([theta])) <= Fraction(float(right))
