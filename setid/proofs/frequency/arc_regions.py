@@ -178,8 +178,10 @@ class ArcRegions:
             return 0.0
         off = self.gain - point / self.turn
         along = self.gain * self.slope
-        size = np.maximum(np.abs(along) ** 2, 1e-300)
-        t = np.clip(-(off * np.conj(along)).real / size, -1.0, 1.0)
+        size = np.abs(along)
+        moves = size > 0.0
+        way = np.where(moves, along, 1.0) / np.where(moves, size, 1.0)  # no square may underflow
+        t = np.clip(-(off * np.conj(way)).real / np.where(moves, size, np.inf), -1.0, 1.0)
         doubt = 1e-9 * (np.abs(off) + np.abs(along)) + 16 * _EPS * abs(point)
         near = np.abs(off + along * t) - doubt - self.radius * (1.0 + 16 * _EPS)
         return max(0.0, float(near.min()))

@@ -219,3 +219,13 @@ def test_sampled_bands_say_nothing_between() -> None:
     band = setid.frequency_band(result, [0.5, 1.0], kind="sampled", samples=5)
     with pytest.raises(setid.SetidError, match="between"):
         band.between([0.7])
+
+
+@pytest.mark.parametrize("size", [1e-160, 1e-100, 1.0, 1e100, 1e160])
+def test_distances_hold_whatever_the_unit_of_the_output(size: float) -> None:
+    """On the arc the response is size (1 + t): 0 at its end, and size / 2 from -size / 2."""
+    one, nothing = np.ones(1), np.zeros((1, 4))
+    ends = 0.5 * np.pi * one, 0.5 * np.pi * one * (1 + 1e-9)
+    found = ArcRegions(*ends, one + 0j, size * one, one + 0j, nothing)
+    assert found.covers and found.distance(0j) == 0.0
+    assert 0.499 * size <= found.distance(-0.5 * size) <= 0.5 * size
