@@ -123,8 +123,14 @@ def exact_norm(rows: Regression, theta: NDArray[np.float64], norm: Norm) -> floa
 
 
 def _double(value: Fraction, up: bool) -> float:
-    """The next double on one side."""
-    found = float(value)
+    """The next double on one side; of more than all doubles the largest, or infinity."""
+    try:
+        found = float(value)
+    except OverflowError:
+        found = inf if value > 0 else -inf
+        if up == (value > 0):
+            return found
+        return float(np.nextafter(found, 0.0))
     if up:
         return found if Fraction(found) >= value else float(np.nextafter(found, inf))
     return found if Fraction(found) <= value else float(np.nextafter(found, -inf))
@@ -132,7 +138,8 @@ def _double(value: Fraction, up: bool) -> float:
 
 def _root(square: Fraction, up: bool) -> float:
     """A square root, rounded to one side."""
-    shift = 1 << 128  # the root of a multiple has 128 bits more
+    small = square.denominator.bit_length() - square.numerator.bit_length()
+    shift = 1 << (128 + max(small, 0))  # the root of the multiple has 128 bits or more
     scaled = square * shift * shift
     whole = isqrt(scaled.numerator // scaled.denominator)
     return _double(Fraction(whole + (1 if up else 0), shift), up)

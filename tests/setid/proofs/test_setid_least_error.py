@@ -239,3 +239,24 @@ def test_finite_impulse_responses_are_least_squares() -> None:
 def test_wrong_input_is_refused(given: dict[str, str], why: str) -> None:
     with pytest.raises(setid.SetidError, match=f"{why}: found"):
         setid.fit(record(), MODEL, **given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size", [1e-150, 1e-60, 1.0, 1e150, 1e300])
+def test_norms_keep_their_digits_whatever_the_unit_of_the_output(size: float) -> None:
+    """Errors 3, 4 and 12 have the norm 13."""
+    rows = regression_of_data(setid.IOData([1, 2, 0, 1], size * np.array([0, 3, 4, 12.0])), MODEL)
+    rows = replace(rows, regressors=np.zeros_like(rows.regressors))
+    norm = exact_norm(rows, np.zeros(2), "l2")
+    assert 13 * size * (1 - 1e-15) <= norm <= 13 * size * (1 + 1e-15)
+    proof = Multipliers(tuple(Fraction(float(v)) for v in rows.target / size))
+    bound = equation_bound(rows, "l2", proof)
+    assert 13 * size * (1 - 1e-15) <= bound <= norm
+
+
+def test_norms_beyond_all_doubles_are_infinite() -> None:
+    rows = regression_of_data(setid.IOData([1, 2, 0, 1], [0, 1e308, 1e308, 1e308]), MODEL)
+    theta = np.array([1.0, 0.0])
+    assert exact_norm(rows, theta, "l1") == exact_norm(rows, theta, "l2") == np.inf
+    rows = replace(rows, regressors=np.zeros_like(rows.regressors))
+    signs = Multipliers((Fraction(1),) * 3)
+    assert equation_bound(rows, "l1", signs) == np.finfo(float).max  # the norm is 3e308
