@@ -22,6 +22,7 @@ Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-11  # more than the rounding of sums of positive numbers
 _RIDGE = 1e-13  # added to normal equations, so that dependent columns have an answer
+_TINY = 1e-300  # more than what underflows
 _EXACT = 1e-8  # of the largest error of a row: less counts as this in weights
 
 
@@ -147,7 +148,7 @@ def _response(a: Reals, drive: Reals) -> tuple[Reals, Reals]:
             part = a[:, i] * z[:, k - 1 - i]
             total -= part
             size += np.abs(part)
-        z[:, k], doubt[:, k] = total, 2 * (poles + 2) * _UNIT * size
+        z[:, k], doubt[:, k] = total, 2 * (poles + 2) * _UNIT * size + _TINY
     return z, doubt
 
 
@@ -268,7 +269,8 @@ def _column(found: Enclosed, rows: NDArray[np.int64], lag: int, power: int) -> t
     z = np.where(rest, 0.0, found.centre[:, before])
     radius = np.where(rest, 0.0, found.radius[:, before])
     wide = power * radius * (np.abs(z) + radius) ** max(power - 1, 0) * _MORE
-    return z**power, wide + 16 * power * _UNIT * np.abs(z) ** power
+    tiny = np.where(rest, 0.0, _TINY if power else 0.0)
+    return z**power, wide + 16 * power * _UNIT * np.abs(z) ** power + tiny
 
 
 def _least_squares(matrix: Reals, weight: Reals, y: Reals) -> tuple[Reals, Reals]:

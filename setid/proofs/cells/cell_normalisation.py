@@ -8,6 +8,7 @@ of all cells is the box.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf, nextafter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 __all__ = ["converted", "divided", "factor_of"]
 
 Reals = NDArray[np.float64]
+_MOST = float(np.finfo(float).max)
 
 
 def converted(
@@ -86,9 +88,11 @@ def factor_of(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -
                 [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
             )
             ends = np.sort(ends / goal, axis=1)
-            return ends + 1e-14 * np.abs(ends) * [-1.0, 1.0]
+            return np.nextafter(ends + 1e-14 * np.abs(ends) * [-1.0, 1.0], [-np.inf, np.inf])
     if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
         top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
+        lost = 1e-14 * (1.0 + np.abs(cells[:, :, :n]).sum(axis=2))  # near a pole at 1 it is much
+        top = top + lost * [-1.0, 1.0]
         below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
         slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
         below = below + slack * [-1.0, 1.0]
@@ -105,9 +109,11 @@ def divided(top: Reals, below: Reals) -> Reals:
     """
     zero = (below[:, 0] <= 0) & (below[:, 1] >= 0)
     safe = np.where(zero[:, None], 1.0, below)
-    corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
+    with np.errstate(over="ignore"):
+        corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    low, high = low - 1e-12 * np.abs(low), high + 1e-12 * np.abs(high)
+    low = np.nextafter(np.minimum(low, _MOST) * (1.0 - 1e-12 * np.sign(low)), -np.inf)
+    high = np.nextafter(np.maximum(high, -_MOST) * (1.0 + 1e-12 * np.sign(high)), np.inf)
     return np.stack([np.where(zero, -np.inf, low), np.where(zero, np.inf, high)], axis=1)
 
 
@@ -175,12 +181,17 @@ def _row_ends(
 
 
 def _power(ends: Ends, power: int) -> Ends:
-    low, high = sorted((ends[0] ** power, ends[1] ** power))
+    """The range of powers, up to rounding; infinite ends where they overflow."""
+    try:
+        low, high = sorted((ends[0] ** power, ends[1] ** power))
+    except OverflowError:
+        return -np.inf, np.inf
     if power % 2 == 0 and power and ends[0] < 0.0 < ends[1]:
         low = 0.0
     return low, high
 
 
 def _spread(corners: list[float]) -> Ends:
-    low, high = min(corners), max(corners)
-    return low - 1e-12 * abs(low), high + 1e-12 * abs(high)
+    """The range of numbers, widened by what was rounded; none is beyond all doubles for sure."""
+    low, high = min(*corners, _MOST), max(*corners, -_MOST)
+    return nextafter(low - 1e-12 * abs(low), -inf), nextafter(high + 1e-12 * abs(high), inf)

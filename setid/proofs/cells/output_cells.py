@@ -475,9 +475,10 @@ def _allowed(parts: Parts, formulation: Formulation, cells: Reals) -> NDArray[np
         p = row.polynomial
         if origin != "prior" or p.degree > 1 or not set(p.support.tolist()) <= set(place):
             continue
-        most = np.zeros(len(cells))
+        most, size = np.zeros(len(cells)), np.zeros(len(cells))
         for letter, value in zip(p.words.max(axis=1).tolist(), p.coefficients, strict=True):
             ends = np.ones((len(cells), 2)) if not letter else cells[:, :, place[letter - 1]]
             most = most + np.maximum(value * ends[:, 0], value * ends[:, 1])
-        good &= most >= -1e-9
+            size = size + np.abs(value * ends).max(axis=1)
+        good &= most >= -1e-9 - 1e-14 * size
     return good

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
 from setid.proofs.cells import output_cells
+from setid.proofs.cells.arithmetic import Enclosed, enclosed, rows_of
+from setid.proofs.cells.cell_normalisation import _spread, divided, factor_of
 from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.parameter_box import start_of
 
@@ -121,3 +126,96 @@ def test_a_box_of_the_pole_bounds_cubic_maps_with_an_unknown_past() -> None:
     away = setid.Box({"a1": (-0.95, -0.3)})
     found = boxed(setid.formulate(data, model, noise, [setid.Stable(), away]))
     assert holds(found, theta) and not found.open
+
+
+# ---- numbers near the ends of the doubles -------------------------------------------------
+
+
+def test_powers_that_underflow_are_within_their_widths() -> None:
+    z = np.array([[1e-110, -3e-120, 1e-300, 5e-324, 0.7]])
+    found = Enclosed(z, 0 * z, np.zeros((1, 1, 5)), np.zeros((1, 1)))
+    none = np.zeros((5, 0))
+    rows = rows_of(found, np.arange(5), ((0, 2), (0, 3)), (none, none), z[0], z[0])
+    for k, value in enumerate(z[0]):
+        for m, power in enumerate((2, 3)):
+            off = Fraction(float(value)) ** power - Fraction(float(rows.matrix[0, k, m]))
+            assert abs(off) <= Fraction(float(rows.wide[0, k, m]))
+
+
+def test_signals_that_decay_below_all_doubles_are_enclosed() -> None:
+    a = 3e-160
+    found = enclosed(np.array([[[a, 1.0], [a, 1.0]]]), 1, np.eye(1, 4), np.zeros((1, 4)))
+    exact = [(-Fraction(a)) ** k for k in range(4)]
+    for k, value in enumerate(exact):
+        off = abs(value - Fraction(float(found.centre[0, k])))
+        assert off <= Fraction(float(found.radius[0, k]))
+
+
+@pytest.mark.parametrize("size", [1e-110, 1e105, 1e110, 1e160])
+def test_cubic_maps_are_bounded_whatever_the_unit_of_the_input(size: float) -> None:
+    """With b1 = 1 the coefficients are 0.3, 0.3 0.3^2 and 0.1 0.3^3 by powers of the unit."""
+    known, _ = formulated(1, 3)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 3, "b1", initial="zero")
+    data = setid.IOData(known.data.u * size, known.data.y)
+    found = boxed(setid.formulate(data, model, known.noise, known.priors))
+    exact = [Fraction("-0.7"), *(Fraction(c) for c in ("0.3", "0.027", "0.0027"))]
+    for power, (low, high) in enumerate(zip(found.lower, found.upper, strict=True)):
+        value = exact[power] / Fraction(size) ** power
+        assert low == -np.inf or Fraction(float(low)) <= value
+        assert high == np.inf or value <= Fraction(float(high))
+    assert found.upper[0] - found.lower[0] < 0.1
+
+
+def test_quotients_beyond_the_doubles_are_rounded_outwards() -> None:
+    tops = [[1e-300, 2e-300], [-2e-300, -1e-300], [1e300, 2e300], [-2e300, -1e300], [-1.0, 1e300]]
+    belows = [[1e30, 2e30], [1e30, 2e30], [1e-30, 2e-30], [1e-30, 2e-30], [1e-30, 1.0]]
+    ends = divided(np.array(tops), np.array(belows))
+    for top, below, (low, high) in zip(tops, belows, ends, strict=True):
+        corners = [Fraction(t) / Fraction(b) for t in top for b in below]
+        assert low == -np.inf or Fraction(low) <= min(corners)
+        assert high == np.inf or max(corners) <= Fraction(high)
+        assert low < np.inf and high > -np.inf
+
+
+def test_ranges_of_coefficients_beyond_the_doubles_are_rounded_outwards() -> None:
+    most = np.finfo(float).max
+    assert _spread([np.inf, np.inf])[0] <= most and _spread([-np.inf, -np.inf])[1] >= -most
+    assert _spread([0.0, 0.0])[0] < 0.0 < _spread([0.0, 0.0])[1]  # quotients that underflow
+
+
+def test_static_gains_near_a_pole_at_one_carry_the_rounding_of_sums() -> None:
+    """1 + a1 + a2 + a3 may be off by 1e-16, which is much of what is left of it."""
+    random = np.random.default_rng(3)
+    for _ in range(200):
+        a = random.uniform(-2, 1, 3)
+        a[2] = np.nextafter(-1.0 - a[0] - a[1], 9.0) + 3e-16
+        cell = np.append(a, 1.0)
+        parts = SimpleNamespace(
+            poles=("a1", "a2", "a3"), words=(("b1",),), constants=np.ones(1), columns=(), past=(),
+            label="G",
+        )  # fmt: skip
+        model = SimpleNamespace(fixed=(), unit_gain=("G",))
+        low, high = factor_of(parts, model, np.array([[cell, cell]]), None)[0]
+        exact = 1 + sum(map(Fraction, a.tolist()))
+        assert Fraction(low) <= exact <= Fraction(high)
+
+
+def test_cells_remain_where_only_rounding_breaks_a_prior() -> None:
+    """Two products of 1e12 that are rounded down leave 1e-4 less than there is."""
+    random, kept = np.random.default_rng(4), 0
+    while kept < 5:
+        a = np.array([random.uniform(0.6, 0.9), 0.0])
+        a[1] = -a[0] * random.uniform(0.98, 0.99)
+        exact = sum(Fraction(float(v)) * 10**12 for v in a)
+        level = float(exact) if Fraction(float(exact)) <= exact else np.nextafter(float(exact), 0.0)
+        if (-level + a[0] * 1e12) + a[1] * 1e12 >= -1e-8:
+            continue
+        kept += 1
+        a1, a2 = sp.variables(2)
+        row = SimpleNamespace(polynomial=1e12 * a1 + 1e12 * a2 - float(level))
+        given = SimpleNamespace(
+            parameters=("a1", "a2"), problem=SimpleNamespace(constraints=[row]),
+            rows=SimpleNamespace(origin=["prior"]),
+        )  # fmt: skip
+        cells = np.array([[a, a]])
+        assert output_cells._allowed(SimpleNamespace(poles=("a1", "a2")), given, cells).all()
