@@ -18,7 +18,7 @@ __all__ = ["Form", "Region", "constant", "filtered", "late", "plus", "times"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
-_MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
+_MORE = 1.0 + 1e-12  # more than the rounding of sums of up to 4000 positive numbers
 _TINY = 1e-300  # more than what underflows
 
 
@@ -205,7 +205,7 @@ def _response(poles: list[tuple[int, Form]], samples: int, region: Region) -> Re
     off *= _MORE
     found = np.abs(h)
     for k in range(1, samples):
-        found[k] = (found[k] + off[1 : k + 1] @ found[k - 1 :: -1][:k]) * _MORE
+        found[k] = (found[k] + off[1 : k + 1] @ found[k - 1 :: -1][:k]) * _more(samples)
     return found
 
 
@@ -213,4 +213,9 @@ def _through(response: Reals, size: Reals) -> Reals:
     found = np.zeros_like(size)
     for lag in range(size.size):
         found[lag:] += response[lag] * size[: size.size - lag]
-    return found * _MORE + _TINY
+    return found * _more(size.size) + _TINY
+
+
+def _more(count: int) -> float:
+    """More than the rounding of a sum of so many positive numbers, and of their products."""
+    return max(_MORE, 1.0 + 2 * (count + 8) * _UNIT)

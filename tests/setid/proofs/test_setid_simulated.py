@@ -14,7 +14,16 @@ from setid.proofs.block_bands import simulated_ends
 from setid.proofs.cells.arithmetic import Enclosed, fitted, rows_of
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
-from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
+from setid.proofs.simulated.forms import (
+    Form,
+    Region,
+    _through,
+    constant,
+    filtered,
+    late,
+    plus,
+    times,
+)
 from setid.proofs.simulated.outputs import half_spaces, recursion_of
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode, split_region, tightened
 from setid.result.json_parts import read, write
@@ -606,3 +615,12 @@ def test_a_limit_in_time_keeps_what_is_proved() -> None:
     assert found.verify()
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
         assert value in item and np.all(np.isfinite(item.outer))
+
+
+def test_responses_of_long_records_carry_the_rounding_of_their_sums() -> None:
+    """Of 1 and many numbers that are lost beside it, one by one."""
+    samples = 24_000
+    size = np.full(samples, 2.0**-54)
+    size[-1] = 1.0
+    found = _through(np.ones(samples), size)
+    assert Fraction(float(found[-1])) >= 1 + (samples - 1) * Fraction(1, 2**54)
