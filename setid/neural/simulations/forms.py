@@ -134,9 +134,9 @@ def activation(name: str, x: Form, leak: float = 0.0, known: Interval | None = N
     if not np.all(np.isfinite(reach.lo) & np.isfinite(reach.hi)):
         found = enclose(name, reach, leak)
         wide = Form.of_box(found.lo, found.hi) if np.all(np.isfinite(found.hi)) else None
-        radius = np.full(x.centre.size, np.inf) if wide is None else up(0.5 * (found.hi - found.lo))
+        radius = np.full(x.centre.size, np.inf) if wide is None else wide.generators.sum(axis=1)
         centre = np.zeros(x.centre.size) if wide is None else wide.centre
-        return Form(centre, np.zeros_like(x.generators), up(radius * (1.0 + 4 * _UNIT)))
+        return Form(centre, np.zeros_like(x.generators), radius)
     slope, offset, error = linearise(name, reach, leak)
     centre = slope * x.centre + offset
     size = np.abs(slope)

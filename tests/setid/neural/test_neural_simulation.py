@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 
 import setid
 from setid import neural
+from setid.neural.arithmetic import Interval, enclose
+from setid.neural.simulations.forms import Form, activation
 
 RNG = np.random.default_rng
 
@@ -203,3 +206,16 @@ def test_forged_output_errors_are_found() -> None:
     assert not replace(found, upper_bound=found.upper_bound * 0.99).verify()
     assert not replace(found, box=type(found.box)(found.box.lo * 2, found.box.hi * 2)).verify()
     assert not replace(found, x0=np.array([5.0, 0.0])).verify()
+
+
+def test_forms_beside_saturated_entries_hold_their_ranges() -> None:
+    """The middle of a narrow range may be one of its ends, and the other one a whole unit away."""
+    for start in RNG(4).uniform(-2.0, 2.0, 40):
+        low, high = np.array([start, -np.inf]), np.array([np.nextafter(start, 9.0), np.inf])
+        unknown = Form(np.zeros(2), np.zeros((2, 0)), np.full(2, np.inf))
+        found = activation("sigmoid", unknown, 0.0, Interval(low, high))
+        exact = enclose("sigmoid", Interval(low, high))
+        for k in (0, 1):
+            centre, radius = Fraction(found.centre[k]), Fraction(found.radius[k])
+            assert centre - radius <= Fraction(exact.lo[k])
+            assert Fraction(exact.hi[k]) <= centre + radius
