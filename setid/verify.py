@@ -5,8 +5,8 @@ from __future__ import annotations
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.proofs.evidence import Claimed, Verification
-from setid.proofs.intervals import overstated
 from setid.proofs.verification import verify as verify_evidence
+from setid.result.identification import Identification
 
 __all__ = ["verify"]
 
@@ -27,8 +27,13 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     Returns
     -------
     Verification
-        True where formulation, box, all outer ends and all attained ends hold, and what is said of
-        samples that were held out.
+        True where formulation, box, all outer ends and all attained ends hold, those of certified
+        intervals agree, and what is said of samples that were held out holds.
+
+    Raises
+    ------
+    SetidError
+        If there is no evidence.
 
     Examples
     --------
@@ -43,12 +48,6 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     """
     if not hasattr(result, "evidence"):
         raise SetidError(f"result: found {type(result).__name__}, expected Identification")
-    claims, held = result.evidence, getattr(result, "holdout", None)
-    verdict, options = verify_evidence(claims, data), getattr(result, "options", None)
-    if verdict and options is not None:  # an identification, which says what certified means
-        if reason := overstated(claims.intervals, options.tol):
-            return Verification(False, reason)
-    if verdict and held is not None:  # an identification with samples that were held out
-        again: Verification = held.verify(claims.formulation, claims.intervals)
-        return again
-    return verdict
+    if isinstance(result, Identification):  # which says more than its evidence
+        return result.verify(data)
+    return verify_evidence(result.evidence, data)

@@ -117,7 +117,12 @@ class ParameterInterval:
         Parameters
         ----------
         tol : float
-            Their largest distance, as a fraction of the attained width.
+            Their largest distance, as a fraction of the attained width. Nine digits are enough.
+
+        Returns
+        -------
+        bool
+            False where an end is infinite, or none is attained.
 
         Examples
         --------
@@ -129,7 +134,8 @@ class ParameterInterval:
         if self.inner is None:
             return False
         loose = max(self.inner[0] - self.outer[0], self.outer[1] - self.inner[1])
-        return self.gap <= tol * (1.0 + _DIGITS) or loose <= _DIGITS * max(map(abs, self.outer))
+        near = self.gap <= tol * (1.0 + _DIGITS) or loose <= _DIGITS * max(map(abs, self.outer))
+        return near and loose < inf
 
     def __contains__(self, value: float) -> bool:
         return self.outer[0] <= value <= self.outer[1]
@@ -144,13 +150,18 @@ class ParameterInterval:
 
 
 def overstated(intervals: Mapping[str, ParameterInterval], tol: float) -> str:
-    """Say which interval is called certified while its ends are not near enough; empty if none.
+    """Name an interval that is called certified while its ends are too far apart.
 
     Parameters
     ----------
     intervals : mapping of str to ParameterInterval
     tol : float
         As of :meth:`ParameterInterval.agrees`.
+
+    Returns
+    -------
+    str
+        A sentence about the first such interval; empty where there is none.
     """
     for item in intervals.values():
         if item.status is IntervalStatus.CERTIFIED and not item.agrees(tol):

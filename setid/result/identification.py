@@ -201,8 +201,8 @@ class Identification(FeasibleSet):
         Returns
         -------
         Verification
-            True where the formulation, the box, all outer ends and all attained ends hold, and
-            what is said of samples that were held out.
+            True where formulation, box, all outer ends and all attained ends hold, those of
+            certified intervals agree, and what is said of samples that were held out holds.
         """
         verdict = verify(self.evidence, data)
         if verdict and (reason := overstated(self.intervals, self.options.tol)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -188,6 +189,8 @@ def test_certified_ends_are_near_those_that_are_attained():
         assert not replace(result, intervals={"T": forged}).verify()
     assert replace(result, intervals={"T": wide}, tol=1e3).verify()
     assert item.agrees(1e-3) and not replace(item, inner=None).agrees(1e3)
+    for outer in ((-inf, inf), (0.1, inf), (-inf, 50.0)):
+        assert not replace(item, outer=outer).agrees(1e3)
     open_ = replace(wide, inner=None, status=setid.IntervalStatus.PARTIAL)
     assert replace(result, intervals={"T": open_}).verify()
     found = json.loads(result.to_json())

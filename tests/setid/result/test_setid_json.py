@@ -8,6 +8,7 @@ import pickle
 import random
 from collections.abc import Iterator
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -304,8 +305,9 @@ def test_certified_ends_are_near_those_that_are_attained() -> None:
     found["result"]["intervals"][0]["outer"] = [-100.0, 100.0]
     with pytest.raises(setid.SetidError, match="the ends of a1 are too far"):
         setid.Identification.from_json(json.dumps(found))
-    wide = replace(result.intervals["a1"], outer=(-100.0, 100.0))
-    forged = replace(result, intervals={**result.intervals, "a1": wide})
-    assert not forged.verify() and not setid.verify(forged)
+    for outer in ((-100.0, 100.0), (-inf, inf)):
+        wide = replace(result.intervals["a1"], outer=outer)
+        forged = replace(result, intervals={**result.intervals, "a1": wide})
+        assert not forged.verify() and not setid.verify(forged)
     found["result"]["intervals"][0]["status"] = "PARTIAL"
     assert setid.Identification.from_json(json.dumps(found)).intervals["a1"].outer[1] == 100.0
