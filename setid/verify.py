@@ -6,7 +6,6 @@ from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.proofs.evidence import Claimed, Verification
 from setid.proofs.verification import verify as verify_evidence
-from setid.result.identification import Identification
 
 __all__ = ["verify"]
 
@@ -48,6 +47,7 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     """
     if not hasattr(result, "evidence"):
         raise SetidError(f"result: found {type(result).__name__}, expected Identification")
-    if isinstance(result, Identification):  # which says more than its evidence
-        return result.verify(data)
+    if hasattr(result, "verify"):  # an identification, which says more than its evidence
+        verdict: Verification = result.verify(data)
+        return verdict
     return verify_evidence(result.evidence, data)

@@ -1,12 +1,12 @@
 """Signals that difference equations define: by filters where they allow it, else by samples.
 
-An equation whose own signal enters linearly and alone, and whose other signals are known before, is
-a filter
+An equation is a filter,
 
     y(k)  =  f(k) - sum_i a_i y(k-i),
 
-with f(k) from the other signals. It is applied to the whole record at once. Equations that feed
-each other, or products of a signal with its own past, are solved sample by sample.
+where y is in no product and the signals in f are known before. The samples of y are the solution of
+one triangular system, whose matrix has the a_i beside its diagonal. Equations that need each other,
+or products of a signal with its own past, are solved sample by sample.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, lfiltic
+from scipy.linalg.blas import dtbsv
 
 from setid.errors import ModelError
 from setid.models.equations import Equation, Term
@@ -94,23 +94,25 @@ def solve_equations(
 
 
 def _filter(step: _Step, signals: dict[str, Reals], first: int) -> None:
-    """Apply one equation to all samples from the first one on."""
+    """Solve one equation for all samples from the first one on."""
     target = signals[step.target]
     force = np.zeros(target.size - first) if step.drive is None else step.drive[first:].copy()
-    feedback = np.zeros(1 + max((lag for _, f in step.terms for _, lag in f), default=0))
+    feedback = np.zeros(max((lag for _, f in step.terms for _, lag in f), default=0))
     for weight, factors in step.terms:
         if factors and factors[0][0] == step.target:
-            feedback[factors[0][1]] -= weight / step.lead
+            feedback[factors[0][1] - 1] -= weight / step.lead
         else:
             parts = [signals[name][first - lag : target.size - lag] for name, lag in factors]
             force += weight * math.prod(parts, start=np.ones(force.size))
-    feedback[0] = 1.0
-    begun = target[first - feedback.size + 1 : first][::-1]
-    if not np.any(feedback[1:]):
-        target[first:] = force / step.lead
-    else:
-        state = lfiltic([1.0], feedback, begun)
-        target[first:] = lfilter([1.0], feedback, force / step.lead, zi=state)[0]
+    force /= step.lead
+    if force.size and np.any(feedback):
+        for lag, a in enumerate(feedback.tolist(), 1):  # of samples before the first one
+            before = target[first - lag : first][: force.size]
+            force[: before.size] -= a * before
+        rows = np.ones((1 + feedback.size, force.size), order="F")
+        rows[1:] = feedback[:, None]
+        force = dtbsv(feedback.size, rows, force, lower=1, diag=1)
+    target[first:] = force
 
 
 def _by_samples(steps: Sequence[_Step], signals: dict[str, Reals], first: int) -> None:

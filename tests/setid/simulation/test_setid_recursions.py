@@ -54,15 +54,16 @@ STRUCTURES = {
 }
 
 
+@pytest.mark.parametrize("count", [0, 1, 12])
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_equations_are_solved(name: str) -> None:
+def test_equations_are_solved(name: str, count: int) -> None:
     model = STRUCTURES[name]
     equations = model.equations()
     lag = max(e.lag for e in equations)
     theta = dict(zip(model.parameters, RNG.integers(-8, 8, 20) / 32, strict=False))
-    signals = {f"u{j + 1}": RNG.uniform(-1, 1, 12 + lag) for j in range(model.inputs)}
-    signals |= {e.defines: np.append(RNG.uniform(-1, 1, lag), np.zeros(12)) for e in equations}
-    drives = {e.defines: RNG.uniform(-0.1, 0.1, 12 + lag) for e in equations if e.error}
+    signals = {f"u{j + 1}": RNG.uniform(-1, 1, count + lag) for j in range(model.inputs)}
+    signals |= {e.defines: np.append(RNG.uniform(-1, 1, lag), np.zeros(count)) for e in equations}
+    drives = {e.defines: RNG.uniform(-0.1, 0.1, count + lag) for e in equations if e.error}
     expected = replayed(equations, theta, signals, lag, drives)
     solve_equations(equations, theta, signals, lag, drives)
     for signal, values in signals.items():
