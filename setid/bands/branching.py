@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
-FIRST_SECONDS = 5.0  # that the first cell may take after the time is over, or the limit once more
+FIRST_SECONDS = 5.0  # after the time limit, or the limit again if longer: the end of first cells
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _ROUNDING = 1e-10  # of the largest output: narrower ranges need no further cells
 _ZERO = 1e-280  # the same where all outputs are zero
@@ -55,7 +55,7 @@ class Effort:
     cells : int
         Largest number of cells that are looked at.
     first : float
-        Reading at which also the first cell ends, with the box for what is left of its programs.
+        Reading after which the first cell, too, begins no program: the box bounds what is left.
     """
 
     tolerance: float

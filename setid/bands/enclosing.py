@@ -217,7 +217,7 @@ def _all_bands(
 
 
 def _efforts(count: int, begin: float, accuracy: Accuracy) -> Iterator[Effort]:
-    """Share the time among so many tasks, one after the other."""
+    """Yield the effort of each of so many tasks; what one leaves is shared by the others."""
     until = begin + accuracy.time_limit
     more = max(accuracy.time_limit, FIRST_SECONDS) / max(count, 1)
     for left in range(count, 0, -1):

@@ -333,7 +333,7 @@ def _proved(
 
 
 def _regions_task(task: tuple[_Given, float]) -> tuple[Reals, Reals, Complexes]:
-    """Bound regions; linear programs are begun within so many seconds."""
+    """Bound regions, with linear programs that are begun within some seconds from now."""
     given, left = task
     until = time.monotonic() + left
     return frequency_regions(*given, lambda cover: Proposer(cover, until=until))

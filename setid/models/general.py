@@ -364,10 +364,10 @@ class BlockStructured(InNotebook):
                 f"output, input: found {output}, {input}, expected at most "
                 f"{self.outputs}, {self.inputs}, counted from 1"
             )
-        return self.wiring.transfer(self._meant(target, source))
+        return self.wiring.transfer(self._block_from(source, target))
 
-    def _meant(self, target: str, source: str) -> Block:
-        """The block from one signal to another, or the only one."""
+    def _block_from(self, source: str, target: str) -> Block:
+        """Choose the block from one signal to another, or the only one."""
         direct = [b for b in self.blocks if b.target == target and source in dict(b.source)]
         found = self.blocks if len(self.blocks) == 1 else direct
         if len(found) != 1:
@@ -379,9 +379,9 @@ class BlockStructured(InNotebook):
         return found[0]
 
     def check_between(self, output: int, input: int) -> None:
-        """Check that the block of :meth:`transfer` acts between these channels, with a plus.
+        """Check that the block of :meth:`transfer` joins these channels and adds the input.
 
-        A block between internal signals is that of output 1 and input 1.
+        A block that joins no channels passes as that of output 1 and input 1.
 
         Parameters
         ----------
@@ -395,7 +395,7 @@ class BlockStructured(InNotebook):
             between them: in ``y1 = G(u1 - y1)`` the response of y1 is that of the loop.
         """
         target, source = f"y{output}", f"u{input}"
-        block = self._meant(target, source)
+        block = self._block_from(source, target)
         signs = dict(block.source)
         inputs = [name for name in signs if name != source and (channel_of(name) or "y")[0] == "u"]
         apart = block.target != target and (channel_of(block.target) is not None or output > 1)

@@ -156,8 +156,7 @@ class Ceiling:
         Ends of neighbouring arcs may differ by a rounding error.
         """
         table = np.reshape(np.array(arcs, float), (-1, 3))
-        ends = np.unique(np.concatenate([[0.0, pi], table[:, 0], table[:, 1]]))
-        ends = _apart(ends)
+        ends = _apart(np.unique(np.concatenate([[0.0, pi], table[:, 0], table[:, 1]])))
         middle = (ends[:-1] / 2 + ends[1:] / 2)[:, None]
         inside = (table[:, 0] <= middle) & (middle <= table[:, 1])
         values = np.where(inside, table[:, 2], -inf).max(axis=1, initial=-inf)

@@ -137,8 +137,8 @@ def _empty(answer: StabilityCertificate, question: Question) -> Verification:
 def _refuted(answer: StabilityCertificate) -> Verification:
     """Check that the plant is consistent and its loop unstable.
 
-    Common factors of a controller are no part of it: a zero outside the circle on a pole there
-    says nothing of the loop.
+    Common factors of the controller's numerator and denominator are removed first. A pole outside
+    the unit circle that a zero cancels proves nothing about the loop.
     """
     if answer.plant is None:
         return Verification(False, "refuted without a plant")
@@ -188,9 +188,10 @@ def _certified(answer: StabilityCertificate, question: Question) -> Verification
 
 
 def _bounded(answer: StabilityCertificate, question: Question) -> Verification:
-    """Prove bounds of abs(Delta) again, over all plants at once; there may be none.
+    """Prove the bounds of abs(Delta) of a verdict that is not certified again.
 
-    For a verdict that is not certified: the bounds of one that is are those of its cells.
+    They hold for all consistent plants at once; there may be none. Those of a certified verdict
+    are proved cell by cell.
     """
     if answer.method == "characteristic":
         return _below(answer, ())

@@ -44,6 +44,8 @@ def test_bands_of_steps_are_verified(found: control.StabilityCertificate) -> Non
     part = 0.3 * (step.high - step.low)
     assert not replace(step, low=step.low + part).verify()
     assert not replace(step, high=step.high - part).verify()
+    assert not replace(step, low=step.low * np.nan).verify()
+    assert not replace(step, high=step.high * np.nan).verify()
     assert not replace(step, time=2.0 * step.time).verify()
 
 

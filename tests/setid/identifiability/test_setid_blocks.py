@@ -19,7 +19,7 @@ from setid.simulation.responses import transfer_of
 
 G = setid.TransferFunction
 ONE, TWO = G(1, 1, 1), G(2, 2, 1)
-QUICK = setid.Options(time_limit=20.0, progress=False, tol=5e-2)
+QUICK = setid.Options(time_limit=60.0, progress=False, tol=5e-2)
 CASES = {
     "hammerstein": (setid.Hammerstein(ONE, 3, "gamma1"), [-0.7, 0.8, 0.4, -0.3], ()),
     "static gain": (setid.Hammerstein(ONE, 2, "dcgain"), [-0.7, 0.3, 1.0, 0.4], ()),
