@@ -1,7 +1,11 @@
 """Networks trained anywhere, with statements that are proved."""
 
 from setid.neural.contraction.stability import Stability, stability
-from setid.neural.imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
+from setid.neural.imports.arrays import from_arrays
+from setid.neural.imports.equinox_ import from_equinox
+from setid.neural.imports.jax_sysid_ import from_jax_sysid
+from setid.neural.imports.onnx_ import from_onnx
+from setid.neural.imports.torch_ import from_torch
 from setid.neural.last_layers.equation_error import EquationError, equation_error
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.last_layers.select import NetworkSelection, select
