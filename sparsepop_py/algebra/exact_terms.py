@@ -192,9 +192,8 @@ class ExactTerms:
     def added(parts: Sequence[ExactTerms], dimension: int) -> ExactTerms:
         """Add polynomials."""
         common = math.lcm(*{part.denominator for part in parts})
-        width = max(part.words.shape[1] for part in parts)
         return _merged(
-            np.concatenate([monomials.widen(part.words, width) for part in parts]),
+            monomials.stack(part.words for part in parts),
             np.concatenate([part.numerators * (common // part.denominator) for part in parts]),
             common,
             dimension,

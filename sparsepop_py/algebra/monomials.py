@@ -10,6 +10,7 @@ array of shape (T, D), so that everything here is vectorised.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -37,6 +38,7 @@ __all__ = [
     "multiply",
     "pack",
     "runs",
+    "stack",
     "to_exponents",
     "trim",
     "widen",
@@ -67,6 +69,13 @@ def widen(words: Words, width: int) -> Words:
     if missing <= 0:
         return words
     return np.concatenate([np.zeros((*words.shape[:-1], missing), np.int32), words], axis=-1)
+
+
+def stack(parts: Iterable[Words]) -> Words:
+    """Concatenate tables of words (..., w), at least one, padded to the largest width."""
+    tables = list(parts)
+    width = max(words.shape[-1] for words in tables)
+    return np.concatenate([widen(words, width) for words in tables])
 
 
 def trim(words: Words) -> Words:

@@ -962,6 +962,5 @@ def _sum_of(parts: list[Polynomial], dimension: int, names: tuple[str, ...] | No
 
 
 def _joined(parts: list[Polynomial]) -> tuple[Words, NDArray[np.float64]]:
-    width = max(part.words.shape[1] for part in parts)
-    words = np.concatenate([monomials.widen(part.words, width) for part in parts])
+    words = monomials.stack(part.words for part in parts)
     return words, np.concatenate([part.coefficients for part in parts])

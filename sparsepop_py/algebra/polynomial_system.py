@@ -48,11 +48,10 @@ class PolynomialSystem:
     @staticmethod
     def stack(polynomials: Sequence[Polynomial], dimension: int) -> PolynomialSystem:
         """Stack polynomials in ``dimension`` variables."""
-        width = max([1, *(p.words.shape[1] for p in polynomials)])
-        words = [monomials.widen(p.words, width) for p in polynomials]
+        words = [*(p.words for p in polynomials), np.zeros((0, 1), np.int32)]
         counts = [p.terms for p in polynomials]
         return PolynomialSystem(
-            np.concatenate([*words, np.zeros((0, width), np.int32)]),
+            monomials.stack(words),
             np.concatenate([*(p.coefficients for p in polynomials), np.zeros(0)]),
             np.repeat(np.arange(len(polynomials)), np.array(counts, int)),
             len(polynomials),

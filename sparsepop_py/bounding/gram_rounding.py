@@ -176,8 +176,7 @@ def where_terms_are(
     made = [g.products().reshape(-1, 2 * g.basis.shape[2]) for g in groups]
     if not made:
         return None
-    width = max(w.shape[1] for w in made)
-    distinct, _ = monomials.collect(np.concatenate([monomials.widen(w, width) for w in made]), n)
+    distinct, _ = monomials.collect(monomials.stack(made), n)
     missing = monomials.lookup(objective.words, distinct, n) < 0
     if np.any(objective.words[missing]):
         return None

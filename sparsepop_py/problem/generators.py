@@ -104,9 +104,7 @@ def bound_terms(
 
 def stack_words(constraints: Words, bounds: Words) -> Words:
     """Stack the words of all generators: the constant 1, constraints, bounds."""
-    width = max(constraints.shape[1], bounds.shape[1])
-    parts = [np.zeros((1, width), np.int32), constraints, bounds]
-    return np.concatenate([monomials.widen(part, width) for part in parts])
+    return monomials.stack((np.zeros((1, 1), np.int32), constraints, bounds))
 
 
 def single_letters(
@@ -217,8 +215,7 @@ def bound_products(
             made.append(pair)
         return number[pair]
 
-    width = max(w.shape[1] for w in words)
-    every, _ = monomials.collect(np.concatenate([monomials.widen(w, width) for w in words]), n)
+    every, _ = monomials.collect(monomials.stack(words), n)
     for letters in every[monomials.degrees(every) > 2].tolist():
         factors = [letter - 1 for letter in letters if letter]
         if len(factors) > _LONGEST or not all(boxed[factors]):
@@ -278,10 +275,9 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
     )
     for layer in layers(products, single.size):
         words, number, first, second = product_terms(single, products[layer])
-        width = max(words.shape[1], single.words.shape[1])
         values = single.coefficients[first] * single.coefficients[second]
         single = PolynomialSystem(
-            np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
+            monomials.stack((single.words, words)),
             np.concatenate([single.coefficients, values]),
             np.concatenate([single.row, number + single.size]),
             single.size + len(layer),

@@ -92,8 +92,7 @@ def least_squares(
     """
     parts = [(np.zeros((1, 1), np.int32), np.array([constant]))]
     parts += [family.expanded() for family in families]
-    width = max(words.shape[1] for words, _ in parts)
-    words = np.concatenate([monomials.widen(words, width) for words, _ in parts])
+    words = monomials.stack(words for words, _ in parts)
     values = np.concatenate([values for _, values in parts])
     objective = Polynomial._merged(words, values, n)
     squares = [(f.weight, p) for f in families for p in f.polynomials(n)]

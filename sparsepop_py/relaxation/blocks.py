@@ -274,13 +274,12 @@ def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:
         keyed.setdefault(key, []).append(block)
     groups = []
     for (square, _, matrix), parts in sorted(keyed.items(), key=lambda item: item[0]):
-        width = max(part.basis.shape[2] for part in parts)
         groups.append(
             BlockGroup(
                 not square,
                 np.concatenate([part.generator for part in parts]),
                 np.concatenate([part.clique for part in parts]),
-                np.concatenate([monomials.widen(part.basis, width) for part in parts]),
+                monomials.stack(part.basis for part in parts),
                 np.concatenate([p.place for p in parts if p.place is not None]) if matrix else None,
             )
         )

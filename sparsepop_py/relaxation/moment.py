@@ -313,9 +313,7 @@ def relax(
         groups = stacked_groups(shaped_blocks(shape, problem, cliques, system, objectives))
     asked = [f.words for f in (problem.objective, *objectives)]
     if terms != "none":
-        width = max(w.shape[1] for w in asked)
-        support = np.concatenate([monomials.widen(w, width) for w in asked])
-        groups = term_sparse(groups, system, support, problem.dimension, terms)
+        groups = term_sparse(groups, system, monomials.stack(asked), problem.dimension, terms)
     moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 
@@ -425,9 +423,7 @@ def conic_rows(
     check()
     used = sum(w.shape[0] for w in words)
     words += [np.zeros((1, 1), np.int32), *asked]
-    width = max(w.shape[1] for w in words)
-    stacked = np.concatenate([monomials.widen(w, width) for w in words])
-    distinct, number = monomials.collect(stacked, dimension)
+    distinct, number = monomials.collect(monomials.stack(words), dimension)
     entries = sps.csr_array(
         (np.concatenate(values), (np.concatenate(rows), number[:used])),
         shape=(offset, distinct.shape[0]),

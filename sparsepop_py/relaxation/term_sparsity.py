@@ -246,9 +246,7 @@ def _numbered(
     ]
     used = [group for group in used if group.count and group.size]
     words = [start, *(row_monomials(group, system) for group in used)]
-    width = max(w.shape[1] for w in words)
-    stacked = np.concatenate([monomials.widen(w, width) for w in words])
-    distinct, number = monomials.collect(stacked, dimension)
+    distinct, number = monomials.collect(monomials.stack(words), dimension)
     parts = np.split(number, np.cumsum([w.shape[0] for w in words])[:-1])
     tables = []
     for group, part in zip(used, parts[1:], strict=True):
@@ -341,8 +339,7 @@ def _initial_support(groups: tuple[BlockGroup, ...], system: Generators, support
     rest = monomials.distinct(np.concatenate(none + [g.generator for g in groups if not g.free]))
     words += [system.words[system.terms_of(free)[1]], system.matrices.system.words]
     words += invariant_words(system, np.setdiff1d(rest, free))
-    width = max(w.shape[1] for w in words)
-    return np.concatenate([monomials.widen(w, width) for w in words])
+    return monomials.stack(words)
 
 
 # ---- graphs ------------------------------------------------------------------------------

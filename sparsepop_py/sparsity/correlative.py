@@ -288,9 +288,8 @@ def satisfies_running_intersection(cliques: Cliques) -> bool:
 def _constraint_terms(problem: Problem) -> tuple[Words, NDArray[np.int64]]:
     """List every monomial of the constraints, with matrix entries, and its constraint."""
     rows, matrices = problem.rows, problem.matrices
-    width = max(rows.words.shape[1], matrices.system.words.shape[1])
-    words = [monomials.widen(s.words, width) for s in (rows, matrices.system)]
-    return np.concatenate(words), np.append(rows.row, matrices.owner[matrices.system.row])
+    words = monomials.stack((rows.words, matrices.system.words))
+    return words, np.append(rows.row, matrices.owner[matrices.system.row])
 
 
 def _constraint_incidence(problem: Problem) -> sps.csr_array:

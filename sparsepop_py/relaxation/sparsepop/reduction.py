@@ -167,13 +167,11 @@ def _triangle(program: ConicProgram, rows: NDArray[Any], moments: NDArray[Any]) 
 def _of_rows(relaxation: Relaxation) -> tuple[NDArray[np.int64], Words]:
     """List the generator of each row and the monomial that multiplies it."""
     numbers, words = [], []
-    width = 1
     for group in relaxation.groups:
         numbers.append(np.repeat(group.generator, group.rows_each))
         product = group.products()
         words.append(product.reshape(-1, product.shape[-1]))
-        width = max(width, product.shape[-1])
-    return np.concatenate(numbers), np.concatenate([monomials.widen(w, width) for w in words])
+    return np.concatenate(numbers), monomials.stack(words)
 
 
 def _original(

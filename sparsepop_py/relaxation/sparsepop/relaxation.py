@@ -313,8 +313,8 @@ def _powers(system: Generators, number: int, times: int, fixed: NDArray[np.bool_
     for _ in range(times):
         products = monomials.multiply(found[:, None, :], words[None])
         products = products.reshape(-1, products.shape[-1])
-        both = [monomials.widen(found, products.shape[1]), products]
-        found, _ = monomials.collect(monomials.trim(np.concatenate(both)), system.dimension)
+        both = monomials.stack((found, products))
+        found, _ = monomials.collect(monomials.trim(both), system.dimension)
     return found
 
 
@@ -361,9 +361,8 @@ class _Unions:
 
 
 def _joined(first: Generators, second: PolynomialSystem) -> Generators:
-    width = max(first.words.shape[1], second.words.shape[1])
     return Generators(
-        np.concatenate([monomials.widen(s.words, width) for s in (first, second)]),
+        monomials.stack((first.words, second.words)),
         np.append(first.coefficients, second.coefficients),
         np.append(first.row, second.row + first.size),
         first.size + second.size,

@@ -161,7 +161,7 @@ class Rules:
             words, which = words[new], which[new]
             if not words.shape[0]:
                 return blocks
-            done, _ = monomials.collect(_stacked([done[done.any(axis=1)], words]), n)
+            done, _ = monomials.collect(monomials.stack([done[done.any(axis=1)], words]), n)
             further = []
             for number in np.unique(which):
                 shift = _quotient(words[which == number], self.leading[number])
@@ -169,17 +169,12 @@ class Rules:
                 blocks.append(BlockGroup(True, generator, generator * 0, shift[:, None, :]))
                 if not self.vanishes[number]:
                     further.append(monomials.multiply(shift, self.rest[number][None, :]))
-            words = monomials.trim(_stacked([*further, np.zeros((0, 1), np.int32)]))
+            words = monomials.trim(monomials.stack([*further, np.zeros((0, 1), np.int32)]))
 
 
 def _two(words: Iterable[Letters]) -> Words:
     padded = [(0,) * (2 - len(word)) + word for word in words]
     return np.array(padded, np.int32).reshape(-1, 2)
-
-
-def _stacked(parts: list[Words]) -> Words:
-    width = max(part.shape[1] for part in parts)
-    return np.concatenate([monomials.widen(part, width) for part in parts])
 
 
 def _quotient(words: Words, leading: Words) -> Words:

@@ -30,7 +30,7 @@ def expanded(squares: Sequence[Weighted], dimension: int) -> Polynomial:
     for product, weight, first, second in _products(squares):
         words.append(product)
         values.append(weight * first * second)
-    return Polynomial._merged(_stacked(words), np.concatenate(values), dimension)
+    return Polynomial._merged(monomials.stack(words), np.concatenate(values), dimension)
 
 
 def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float | None:
@@ -53,12 +53,12 @@ def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float 
     >>> constant_above(3 + (x - y) ** 2, [(1.0, x - y)])
     3.0
     """
-    words, products = [_stacked([objective.words, np.zeros((1, 1), np.int32)])], []
+    words, products = [monomials.stack([objective.words, np.zeros((1, 1), np.int32)])], []
     for product, weight, first, second in _products(squares):
         words.append(product)
         products.append((weight, first, second))
     weight, first, second = (np.concatenate(parts) for parts in zip(*products, strict=True))
-    distinct, number = monomials.collect(_stacked(words), objective.dimension)
+    distinct, number = monomials.collect(monomials.stack(words), objective.dimension)
     value = np.append(objective.coefficients, 0.0)  # the constant is always there, and first
     rest = _whole_sums(value, (weight, first, second), number, distinct.shape[0])
     if rest is None:
@@ -81,11 +81,6 @@ def _products(
         scale = np.repeat(np.array([w for w, _ in items]), i.size)
         twice = np.where(i == j, 1.0, 2.0) * value[:, j]
         yield product.reshape(-1, product.shape[-1]), scale, value[:, i].ravel(), twice.ravel()
-
-
-def _stacked(words: list[Words]) -> Words:
-    width = max(w.shape[1] for w in words)
-    return np.concatenate([monomials.widen(w, width) for w in words])
 
 
 def _whole_sums(

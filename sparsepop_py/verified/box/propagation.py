@@ -385,14 +385,7 @@ def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDAr
     equality : (m + 1,) bool
     """
     rows, objective = problem.rows, problem.objective_row
-    width = max(rows.words.shape[1], objective.words.shape[1])
-    words = np.concatenate(
-        [
-            monomials.widen(rows.words, width),
-            monomials.widen(objective.words, width),
-            np.zeros((1, width), np.int32),
-        ]
-    )
+    words = monomials.stack((rows.words, objective.words, np.zeros((1, 1), np.int32)))
     values = np.concatenate([rows.coefficients, -objective.coefficients, [cutoff]])
     index = np.concatenate([rows.row, np.full(objective.row.size + 1, rows.size)])
     system = PolynomialSystem(words, values, index, rows.size + 1, problem.dimension)

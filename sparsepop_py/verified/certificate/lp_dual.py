@@ -118,10 +118,7 @@ class LinearDual:
         words = monomials.trim(words)  # as wide as a file says, if it has no row
         part = -(Interval.point(value[keep][place]) * made.value[term])
         asked, row, constant = self.scaling.expanded(objectives)
-        width = max(words.shape[1], asked.shape[1])
-        distinct, number = monomials.collect(
-            np.concatenate([monomials.widen(w, width) for w in (words, asked)]), n
-        )
+        distinct, number = monomials.collect(monomials.stack((words, asked)), n)
         key, inverse = np.unique(
             np.append(owner[place], row) * distinct.shape[0] + number, return_inverse=True
         )

@@ -200,9 +200,8 @@ class ScaledGenerators:
             words, number, first, second = generators.product_terms(system, products[layer])
             made = value[first] * value[second]
             value = Interval(np.append(value.lo, made.lo), np.append(value.hi, made.hi))
-            width = max(words.shape[1], system.words.shape[1])
             system = PolynomialSystem(
-                np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
+                monomials.stack((system.words, words)),
                 value.lo,
                 np.append(system.row, number + system.size),
                 system.size + len(layer),

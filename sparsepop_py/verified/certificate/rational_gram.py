@@ -192,9 +192,7 @@ class ExactGram:
         value, coefficient = 2 * found[0][:count], 2 * found[0][count:]
         letters = np.sort(self.basis, axis=1)
         product = monomials.multiply(letters[self.first], letters[self.second])
-        width = max(product.shape[1], objective.words.shape[1])
-        words = [monomials.widen(w, width) for w in (product, objective.words)]
-        distinct, number = monomials.collect(np.concatenate(words), n)
+        distinct, number = monomials.collect(monomials.stack((product, objective.words)), n)
         times = np.where(self.first == self.second, 1, 2)
         place, taker = np.unique(number[:count], return_index=True)
         value[taker] = 0
@@ -220,9 +218,7 @@ class ExactGram:
         n = objective.dimension
         letters = np.sort(self.basis, axis=1)
         product = monomials.multiply(letters[self.first], letters[self.second])
-        width = max(product.shape[1], objective.words.shape[1])
-        words = [monomials.widen(w, width) for w in (product, objective.words)]
-        distinct, number = monomials.collect(np.concatenate(words), n)
+        distinct, number = monomials.collect(monomials.stack((product, objective.words)), n)
         rest = [Fraction(0)] * distinct.shape[0]
         for place, coefficient in zip(
             number[self.first.size :].tolist(), objective.coefficients.tolist(), strict=True

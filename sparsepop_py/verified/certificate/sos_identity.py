@@ -215,10 +215,7 @@ class Identity:
             words, value = group.times(made, entries)
             all_words.append(words)
             all_values.append(-value)
-        width = max(w.shape[1] for w in all_words)
-        distinct, number = monomials.collect(
-            np.concatenate([monomials.widen(w, width) for w in all_words]), n
-        )
+        distinct, number = monomials.collect(monomials.stack(all_words), n)
         terms = Interval(
             np.concatenate([v.lo for v in all_values]), np.concatenate([v.hi for v in all_values])
         )
