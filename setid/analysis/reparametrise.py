@@ -25,7 +25,7 @@ from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.damaged_texts import check_fields, refused
-from setid.result.identification import WORST_FIRST, Identification
+from setid.result.identification import Identification, least_settled
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import optional, parsed
@@ -88,8 +88,7 @@ class Reparametrisation:
     @property
     def status(self) -> IntervalStatus:
         """The least settled status of all physical parameters."""
-        found = {item.status for item in self.intervals.values()}
-        return next(status for status in WORST_FIRST if status in found)
+        return least_settled(self.intervals)
 
     def summary(self) -> str:
         """Write the table, what the status means, and what is taken for granted."""

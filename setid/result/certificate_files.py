@@ -27,6 +27,7 @@ from setid.proofs.parameter_box import product_rows, start_of
 from setid.proofs.simulated.tree import SimulatedBox
 from setid.result.denominator_files import denominator_steps
 from setid.result.simulation_files import simulation_step
+from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.values import PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.directions import LARGEST, DirectionBox, cubes, within
@@ -109,7 +110,7 @@ def _own(claims: Evidence) -> dict[str, Any]:
         "units": units.tolist(),
         "problem": json.loads(sp.to_json(about))["problem"],
         "rows": _origins(formulation),
-        "given": [[_number(v) for v in ends] for ends in start],
+        "given": [[codecs.number.write(v) for v in ends] for ends in start],
         "box": None if claims.box is None else _box(claims.box, formulation, start),
         "driven": None if claims.driven is None else _own(claims.driven),
         "fewer_priors": None if claims.fewer_priors is None else _own(claims.fewer_priors),
@@ -118,18 +119,15 @@ def _own(claims: Evidence) -> dict[str, Any]:
         "intervals": [
             {
                 "name": item.name,
-                "outer": [_number(v) for v in item.outer],
-                "inner": None if item.inner is None else [_number(v) for v in item.inner],
+                "outer": [codecs.number.write(v) for v in item.outer],
+                "inner": None
+                if item.inner is None
+                else [codecs.number.write(v) for v in item.inner],
                 "status": str(item.status),
             }
             for item in claims.intervals.values()
         ],
     }
-
-
-def _number(value: float) -> float | str:
-    value = float(value)
-    return value if np.isfinite(value) else str(value)
 
 
 def _columns(values: NDArray[np.float64]) -> list[list[float | None]]:
@@ -224,7 +222,10 @@ def _rationals(values: tuple[Fraction, ...] | None) -> list[str] | None:
 
 def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict[str, Any]:
     """Its ends, and the steps that prove it, null where the file does not hold them."""
-    ends = {"lower": [_number(v) for v in box.lower], "upper": [_number(v) for v in box.upper]}
+    ends = {
+        "lower": [codecs.number.write(v) for v in box.lower],
+        "upper": [codecs.number.write(v) for v in box.upper],
+    }
     steps = None
     if type(formulation.model) is TransferFunction:
         steps = _proved(box, formulation, start)
@@ -322,8 +323,8 @@ def _directions(
     found = {
         "is": "Directions",
         "scale": box.scale.tolist(),
-        "lower": [_number(v) for v in box.first.lower],
-        "upper": [_number(v) for v in box.first.upper],
+        "lower": [codecs.number.write(v) for v in box.first.lower],
+        "upper": [codecs.number.write(v) for v in box.first.upper],
         "sides": sides,
     }
     return found, within(box.first, box.scale, least)

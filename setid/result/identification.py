@@ -21,7 +21,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.proofs.evidence import EndProof, Evidence, Verification
-from setid.proofs.intervals import IntervalStatus, overstated
+from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.uniqueness.normalisation import Nonzero
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from setid.options import Options
     from setid.result.reports import Remarks
 
-__all__ = ["WORST_FIRST", "Identification"]
+__all__ = ["Identification", "least_settled"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -127,8 +127,7 @@ class Identification(FeasibleSet):
     @property
     def status(self) -> IntervalStatus:
         """The least settled status of all parameters."""
-        found = {interval.status for interval in self.intervals.values()}
-        return next(status for status in WORST_FIRST if status in found)
+        return least_settled(self.intervals)
 
     @property
     def interrupted(self) -> bool:
@@ -632,10 +631,16 @@ class Identification(FeasibleSet):
         return "<Identification: " + "; ".join(lines) + ">"
 
 
-WORST_FIRST = (
+_WORST_FIRST = (
     IntervalStatus.EMPTY,
     IntervalStatus.UNIDENTIFIABLE,
     IntervalStatus.UNBOUNDED,
     IntervalStatus.PARTIAL,
     IntervalStatus.CERTIFIED,
 )
+
+
+def least_settled(intervals: Mapping[str, ParameterInterval]) -> IntervalStatus:
+    """Choose the least settled status of some intervals, at least one."""
+    found = {item.status for item in intervals.values()}
+    return next(status for status in _WORST_FIRST if status in found)

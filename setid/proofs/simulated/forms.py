@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["Form", "Region", "constant", "filtered", "late", "plus", "times"]
+__all__ = ["Form", "Region", "constant", "filtered", "late", "negated", "plus", "times"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
@@ -142,7 +142,7 @@ def filtered(
     found = _first_order(poles, drive, start, begin)
     if not bounded:
         return found
-    left = plus(found, _negative(drive), region)
+    left = plus(found, negated(drive), region)
     for lag, a in poles:
         left = plus(left, times(late(found, lag), a, region), region)
     size = (np.abs(left.value) + region.reach(left.slope) + left.rest) * _MORE
@@ -183,7 +183,8 @@ def _first_order(
     return found
 
 
-def _negative(form: Form) -> Form:
+def negated(form: Form) -> Form:
+    """Change the sign of a form."""
     return Form(-form.value, -form.slope, form.rest)
 
 

@@ -13,7 +13,16 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Term, channel_of
 from setid.proofs.cells.output_cells import CellBox
-from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
+from setid.proofs.simulated.forms import (
+    Form,
+    Region,
+    constant,
+    filtered,
+    late,
+    negated,
+    plus,
+    times,
+)
 from setid.proofs.supports import Cover, cover
 
 __all__ = ["Past", "Recursion", "half_spaces", "recursion_from", "recursion_of"]
@@ -116,7 +125,7 @@ class Recursion:
                 if own:
                     poles[own] = factor
                     continue
-                part = _negated(factor)
+                part = negated(factor)
                 for signal in item.signals:
                     part = times(late(signals[signal.signal], signal.lag), part, region)
                 drive = plus(drive, _broadcast(part, samples), region)
@@ -157,10 +166,6 @@ class Recursion:
 def _own_lag(item: Term, defined: str) -> int:
     lags = [s.lag for s in item.signals if s.signal == defined]
     return lags[0] if lags else 0
-
-
-def _negated(form: Form) -> Form:
-    return Form(-form.value, -form.slope, form.rest)
 
 
 def _broadcast(form: Form, samples: int) -> Form:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -73,10 +74,15 @@ def _polynomial(words: Any, coefficients: Any, dimension: int) -> Polynomial:
     return Polynomial.from_words(words, coefficients, dimension)
 
 
-def _kind(found: Any, place: str) -> Kind:
-    if not isinstance(found, str) or found not in Kind.__members__:
-        raise codecs.wrong(place, found, "one of " + ", ".join(Kind.__members__))
-    return Kind[found]
+def _member(members: type[Enum]) -> Codec:
+    """Make the codec of an enumeration, whose members are stored by their names."""
+
+    def read(found: Any, place: str) -> Enum:
+        if not isinstance(found, str) or found not in members.__members__:
+            raise codecs.wrong(place, found, "one of " + ", ".join(members.__members__))
+        return members[found]
+
+    return Codec(lambda member: member.name, read)
 
 
 def _problem(names: tuple[str, ...], squares: Any, **parts: Any) -> Problem:
@@ -84,7 +90,7 @@ def _problem(names: tuple[str, ...], squares: Any, **parts: Any) -> Problem:
 
 
 POLYNOMIAL = record(_polynomial, words=array, coefficients=array, dimension=whole)
-KIND = Codec(lambda kind: kind.name, _kind)
+KIND = _member(Kind)
 CONSTRAINT = record(
     Constraint, polynomial=POLYNOMIAL, kind=KIND, name=text, entries=sequence(POLYNOMIAL)
 )
@@ -183,12 +189,6 @@ def _special(value: Any) -> Any:
     return float(value) if value in ("inf", "-inf", "nan") else value
 
 
-def _status(found: Any, place: str) -> Status:
-    if not isinstance(found, str) or found not in Status.__members__:
-        raise codecs.wrong(place, found, "one of " + ", ".join(Status.__members__))
-    return Status[found]
-
-
 def proved_bound(certificate: Any, problem: Any) -> float:
     """Compute what a certificate proves: at least the bound that it states.
 
@@ -256,7 +256,7 @@ def _result(**parts: Any) -> Result:
     return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
 
 
-STATUS = Codec(lambda status: status.name, _status)
+STATUS = _member(Status)
 POINT = record(Point, x=array, value=number, violation=number)
 PROVED_POINT = record(
     ProvedPoint, x=array, value=number, radius=number, proof=text, rows=array, solved=array
