@@ -59,12 +59,12 @@ class BestFirst(ABC, Generic[Open]):
 
     def run(self) -> FoundDenominators:
         """Split cones until the target is proved, or time or memory ends; state what is proved."""
-        for cone in first_cones(self._rows.order, self._rows.stable):
-            self._begin(cone)
+        if not self._begun():
+            return FoundDenominators(0.0, None, tuple(self._best))
         while self._waiting:
             low, number, node = heapq.heappop(self._waiting)
             enough = low >= min(self.target, self._cap)
-            if enough or self._deadline.over or len(self._multipliers) >= self._most:
+            if enough or self._ended:
                 break
             kept = len(self._cells), self._cells[number]
             try:
@@ -79,6 +79,22 @@ class BestFirst(ABC, Generic[Open]):
         claim = self._claim(self._output, free, none, tuple(self._cells))
         numbered = self._multipliers.__getitem__
         return claimed(self._rows, claim, numbered, self._proved, self._best)
+
+    def _begun(self) -> bool:
+        """File the first cones; False if time or memory ends before the last of them."""
+        try:
+            for number, cone in enumerate(first_cones(self._rows.order, self._rows.stable)):
+                if number and self._ended:
+                    return False
+                self._begin(cone)
+        except EARLY as cause:
+            self._deadline.ended(cause)
+            return False
+        return True
+
+    @property
+    def _ended(self) -> bool:
+        return self._deadline.over or len(self._multipliers) >= self._most
 
     @property
     def target(self) -> float:

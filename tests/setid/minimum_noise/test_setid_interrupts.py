@@ -110,3 +110,26 @@ def test_an_exact_program_keeps_the_limit() -> None:
     options = setid.Options(time_limit=1e-9)
     found = setid.consistency(record(), MODEL, setid.Noise(equation=0.1), options=options)
     assert found.scale == (0.0, np.inf)
+
+
+@pytest.mark.parametrize("norm", ["l1", "l2"])
+def test_first_cones_end_with_the_time_and_with_interrupts(
+    norm: Literal["l1", "l2"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Order 6 without a prior has 64 first cones: the second is not begun when time is over."""
+    formulation = stated(record(), setid.TransferFunction(6, 1, 1), (), 1.0)
+    rows = error_rows(formulation, norm, 1.0)
+    assert rows is not None
+    calls, solve = [0], Programs.solve
+
+    def counted(*given: Any) -> Any:
+        calls[0] += 1
+        return solve(*given)
+
+    monkeypatch.setattr(Programs, "solve", counted)
+    assert all_norms.least_output_noise(rows, 0, TOL, Deadline(0.0)).cells is None
+    assert 0 < calls[0] < 20
+    monkeypatch.setattr(Programs, "solve", interrupted(solve, 3))
+    deadline = Deadline(60.0)
+    assert all_norms.least_output_noise(rows, 0, TOL, deadline).factor == 0.0
+    assert deadline.stopped
