@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
+import sparsepop_py as sp
 from setid.formulation.regression import regression_of_data
 from setid.minimum_noise.claims import FoundDenominators
 from setid.proofs.least_noise.least_error import (
@@ -18,6 +19,7 @@ from setid.proofs.least_noise.least_error import (
     error_problem,
     exact_norm,
     output_bound,
+    stated,
     verify_output,
 )
 
@@ -260,3 +262,20 @@ def test_norms_beyond_all_doubles_are_infinite() -> None:
     rows = replace(rows, regressors=np.zeros_like(rows.regressors))
     signs = Multipliers((Fraction(1),) * 3)
     assert equation_bound(rows, "l1", signs) == np.finfo(float).max  # the norm is 3e308
+
+
+def test_sums_of_squares_are_stated_without_products_of_polynomials(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two outputs, whose noise samples are numbered by output, and no work in Python each."""
+    source = np.random.default_rng(0)
+    data = setid.IOData(source.normal(size=20), source.normal(size=(20, 2)))
+    formulation = stated(data, setid.TransferFunction(1, 1, 1, outputs=2), (), 1.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(sp.Polynomial, "__mul__", None)
+        patch.setattr(sp.Polynomial, "__pow__", None)
+        problem = error_problem(formulation, None, "l2", 1.0)
+    numbers = formulation.layout.group("eta")
+    x = source.normal(size=problem.dimension)
+    squares = float(np.sum(x[numbers[numbers >= 0]] ** 2))
+    assert problem.objective(x) == pytest.approx(squares, rel=1e-12)
