@@ -39,6 +39,7 @@ FIRST_SECONDS = 5.0  # after the time limit, or the limit again if longer: the e
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _ROUNDING = 1e-10  # of the largest output: narrower ranges need no further cells
 _ZERO = 1e-280  # the same where all outputs are zero
+_SMALL = 2.0**-100  # of the largest number in an impulse response: it ends there
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
 
@@ -140,11 +141,18 @@ def attained_by(experiment: Experiment, theta: Reals, force: Reals) -> tuple[Rea
     reach = np.concatenate([experiment.start, np.zeros(experiment.samples)])
     with np.errstate(all="ignore"):
         if np.any(experiment.start) or np.any(experiment.input_noise):
-            den = _denominator(experiment, theta)
-            impulse = lfilter([1.0 / den[0]], den / den[0], np.eye(1, experiment.samples)[0])
+            impulse = _impulse(_denominator(experiment, theta), experiment.samples)
             rest = noise_reach(experiment, (theta, theta), theta, impulse)
             reach[experiment.first.size :] = rest
         return outputs - reach, outputs + reach
+
+
+def _impulse(den: Reals, count: int) -> Reals:
+    """The impulse response of 1 / D, zero where all that follows is far below its rounding."""
+    found = np.asarray(lfilter([1.0 / den[0]], den / den[0], np.eye(1, count)[0]), np.float64)
+    large = np.flatnonzero(~(np.abs(found) <= _SMALL * np.abs(found).max(initial=0.0)))
+    found[int(large[-1]) + 1 if large.size else count :] = 0.0
+    return found
 
 
 def _denominator(experiment: Experiment, theta: Reals) -> Reals:
@@ -261,8 +269,7 @@ class _Search:
         theta[frame.columns] = frame.back @ ((cell.tight[0] + cell.tight[1]) / 2)
         count = self.experiment.samples
         with np.errstate(all="ignore"):
-            den = _denominator(self.experiment, theta)
-            impulse = lfilter([1.0 / den[0]], den / den[0], np.eye(1, count)[0])
+            impulse = _impulse(_denominator(self.experiment, theta), count)
             outputs = outputs_of(self.experiment, theta, self.force)
         if self.settle < count:
             impulse[self.settle :] = 0.0

@@ -46,6 +46,7 @@ Reals = NDArray[np.float64]
 Proposer = Callable[[Cover], Multipliers]
 _EPS = float(np.finfo(float).eps)
 _TINY = 1e-290  # more than everything that underflows
+_SMALL = 2.0**-100  # of the largest number: what is smaller at the end is bounded together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -286,7 +287,7 @@ def enclosure(
     factors = max((len(term.inputs) for term in row.others), default=0)
     unit = 4 * (count + 4 * regressors.shape[1] + factors + 16) * _EPS
     columns = np.column_stack([own, regressors])[begun:]
-    first = -np.stack([np.convolve(h, column)[:count] for column in columns.T], axis=1)
+    first = -np.stack([_convolved(h, column) for column in columns.T], axis=1)
     doubt = unit * _convolve_up(np.abs(h), size[begun:])
 
     one = _ranges(first, cover, proposer)
@@ -294,7 +295,7 @@ def enclosure(
     lost, summed = np.zeros(count), np.zeros((count, 2))
     reach = np.abs(first[:, 0]) + np.abs(first[:, 1:]) @ cover.magnitude
     for j, slope in enumerate(known.slopes):
-        product = -np.stack([np.convolve(slope, x)[:count] for x in first.T], axis=1)
+        product = -np.stack([_convolved(slope, x) for x in first.T], axis=1)
         ends = _products(known.spread[:, j], _ranges(product, cover, proposer))
         second += ends
         summed += np.abs(ends)
@@ -410,7 +411,7 @@ def _reach(h: Reals, middle: Reals, off: Reals, count: int) -> Reals:
     """Bound of abs(h * x) over all x with abs(x - middle) <= off."""
     unit = 4 * (count + 8) * _EPS
     size = _convolve_up(np.abs(h), off + unit * np.abs(middle))
-    return np.asarray(np.abs(np.convolve(h, middle)[:count]) + size, np.float64)
+    return np.asarray(np.abs(_convolved(h, middle)) + size, np.float64)
 
 
 _NOTHING = np.array([-np.inf, np.inf])
@@ -435,22 +436,51 @@ def _largest(ends: Reals) -> Reals:
     return np.asarray(np.abs(ends).max(axis=1), np.float64)
 
 
+def _convolved(left: Reals, right: Reals) -> Reals:
+    """Convolution as long as the second sequence; zeros at the end of the first are left out."""
+    return np.convolve(left[: max(_length(left), 1)], right)[: right.size]
+
+
+def _length(sequence: Reals, share: float = 0.0) -> int:
+    """Samples before all that follows is at most a share of the largest absolute value."""
+    size = np.abs(sequence)
+    small = share * size.max(initial=0.0) if share else 0.0
+    large = np.flatnonzero(~(size <= small))  # NaN counts as large
+    return int(large[-1]) + 1 if large.size else 0
+
+
 def _convolve_up(left: Reals, right: Reals) -> Reals:
-    """Convolution of non-negative sequences, rounded up, as long as the second."""
-    found = np.convolve(left, right)[: right.size]
+    """Convolution of non-negative sequences, rounded up, as long as the second.
+
+    The first one's small end counts as the largest number in it.
+    """
+    count = max(_length(left, _SMALL), 1)
+    found = np.convolve(left[:count], right)[: right.size]
+    most = left[count:].max(initial=0.0)
+    if most > 0.0 and count < right.size:
+        found[count:] += most * np.cumsum(right)[: right.size - count]
     return np.maximum(found, 0.0) * (1.0 + 4 * (right.size + 4) * _EPS) + _TINY
 
 
 def _with_leak(rest: Reals, whole: Reals) -> Reals:
-    """Bounds e of abs(e(k)) <= rest(k) + sum_i whole(i) abs(e(k-i)), rounded up."""
+    """Bounds e of abs(e(k)) <= rest(k) + sum_i whole(i) abs(e(k-i)), rounded up.
+
+    The leak's small end counts as the largest number in it.
+    """
     found = np.empty(rest.size)
     grow = 1.0 + 4 * (rest.size + 8) * _EPS
     left = np.nextafter(1.0 - whole[0], -np.inf)
     if not left > 0.0:
         return np.full(rest.size, np.inf)
+    count = max(_length(whole, _SMALL), 1)
+    most, before = float(whole[count:].max(initial=0.0)), 0.0
+    back = whole[1:count][::-1].copy()
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(rest.size):
-            found[k] = (rest[k] + whole[1 : k + 1] @ found[:k][::-1]) / left * grow
+            before += found[k - count] if k >= count else 0.0
+            begin = max(k - count + 1, 0)
+            near = back[back.size - (k - begin) :] @ found[begin:k]
+            found[k] = (rest[k] + near + most * before) / left * grow
     return np.where(np.isnan(found), np.inf, found)
 
 

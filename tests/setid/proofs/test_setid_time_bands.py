@@ -16,6 +16,7 @@ from setid.bands.branching import Effort, branched
 from setid.feasible_set.proposer import Proposer
 from setid.models.equations import Equation, Lagged, Term
 from setid.proofs.supports import Cover, Proposal
+from setid.proofs.time_bands import enclosures
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, leak, noise_reach
 from setid.proofs.time_bands.partition import Partition, Ranges
 from setid.proofs.time_bands.rows import Affine, Known, OutputRow, output_row, transfer_row
@@ -577,3 +578,47 @@ def test_noise_reaches_nothing_where_there_is_none() -> None:
     task = experiment(SECOND, 8, (0.5, -0.25))
     ends = THETA, THETA
     assert not np.any(noise_reach(task, ends, THETA, np.ones(6)))
+
+
+@pytest.mark.parametrize("end", [0.0, 1e-290, 1e-45, 1e-20])
+def test_small_ends_of_sequences_are_bounded_together(end: float) -> None:
+    """Sums of products in rationals, of a sequence that falls below 2^-100 of its largest."""
+    rng = np.random.default_rng(6)
+    left = np.concatenate([0.1 * rng.random(8), end * rng.random(22)])
+    right = rng.random(30)
+    exact = [Fraction(x) for x in left], [Fraction(x) for x in right]
+    found = enclosures._convolve_up(left, right)
+    for k in range(30):
+        whole = sum(exact[0][i] * exact[1][k - i] for i in range(k + 1))
+        assert whole <= Fraction(found[k]) <= whole * (1 + Fraction(1, 10**10)) + 10**-280
+    errors: Rational = []
+    bounds = enclosures._with_leak(right, left)
+    for k in range(30):
+        past = sum((exact[0][i] * errors[k - i] for i in range(1, k + 1)), Fraction(0))
+        errors.append((exact[1][k] + past) / (1 - exact[0][0]))
+        assert errors[k] <= Fraction(bounds[k]) <= errors[k] * (1 + Fraction(1, 10**9))
+
+
+def test_sequences_with_numbers_that_overflowed_bound_nothing() -> None:
+    for bad in (np.nan, np.inf):
+        left, right = np.array([0.5, bad, 0.0, 0.0]), np.ones(4)
+        assert not np.any(np.isfinite(enclosures._convolve_up(left, right)[1:]))
+        assert not np.any(np.isfinite(enclosures._with_leak(right, left)[1:]))
+        assert not np.any(np.isfinite(enclosures._convolved(left, right)[1:]))
+
+
+def test_long_records_take_short_impulse_responses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pole at 0.5 is below 2^-100 after 100 samples, however long the record is."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 2000)
+    data = setid.simulate_record(FIRST, [-0.5, 1.0], u, setid.Noise(equation=0.1), seed=0).data
+    result = setid.identify(data, FIRST, setid.Noise(equation=0.1))
+    convolve, lengths = np.convolve, []
+
+    def measured(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        lengths.append(left.size)
+        return convolve(left, right)
+
+    monkeypatch.setattr(np, "convolve", measured)
+    band = result.simulate(tolerance=0.5)
+    assert np.all(np.isfinite(band.high))
+    assert lengths and np.median(lengths) < 130
