@@ -32,6 +32,7 @@ from setid.formulation.formulation import formulate
 from setid.formulation.regression import Regression, check_channels
 from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.proofs.predictions import predicted_ranges
+from setid.proofs.supports import HalfSpaces
 from setid.simulation.responses import run
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
@@ -303,7 +304,11 @@ def simulate_band(
 
 
 def predict(
-    result: FeasibleSet, data: IOData | None = None, noise: Noise | None = None
+    result: FeasibleSet,
+    data: IOData | None = None,
+    noise: Noise | None = None,
+    *,
+    time_limit: float = 20.0,
 ) -> OutputBand:
     """Predict one step from the readings before, with a proved band.
 
@@ -316,6 +321,8 @@ def predict(
         The identification record when left out.
     noise : Noise, optional
         Of this record; that of the identification when left out.
+    time_limit : float
+        Seconds for linear programs; ranges that are left then are those over the outer box.
 
     Returns
     -------
@@ -326,7 +333,7 @@ def predict(
     Raises
     ------
     SetidError
-        If the structure has no such equations.
+        If the structure has no such equations, or the limit is no number of at least 0.
 
     Examples
     --------
@@ -337,6 +344,9 @@ def predict(
     0
     """
     check_result(result)
+    if not number(time_limit, "time_limit", SetidError) >= 0:
+        raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
+    until = time.monotonic() + time_limit
     record, loud, _ = _record(result, data, noise)
     model = result.formulation.model
     coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
@@ -354,10 +364,13 @@ def predict(
     theta = coordinates.values(nominal(result))
     found = np.full((5, *record.y.shape), np.nan)
 
+    def timed(spaces: HalfSpaces) -> Proposer:
+        return Proposer(spaces, until=until)
+
     def put(rows: Regression, kinds: slice) -> None:
         place = rows.row, rows.output - 1
         known = rows.target - record.y[place]  # what a row holds beside the reading itself
-        ranges = predicted_ranges(cover, rows, record.y[place], Proposer)
+        ranges = predicted_ranges(cover, rows, record.y[place], timed)
         values = [-(rows.regressors @ theta) - known, *ranges]
         for target, column in zip(found[kinds], values[kinds], strict=True):
             target[place] = column
@@ -420,7 +433,7 @@ def compare(
     if word(mode, "mode", ("simulation", "prediction"), SetidError) == "simulation":
         band = simulate_band(result, validation, kind, noise, time_limit=_BAND * limit)
     else:
-        band = predict(result, validation, noise)
+        band = predict(result, validation, noise, time_limit=_BAND * limit)
     left = max(begin + limit - time.monotonic(), (1.0 - _BAND) * limit)
     candidates = _candidates(result, mode, left)
     model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted

@@ -566,7 +566,9 @@ class Identification(FeasibleSet):
 
         return simulate_band(self, data, kind, noise, tolerance=tolerance, time_limit=time_limit)
 
-    def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
+    def predict(
+        self, data: IOData | None = None, noise: Noise | None = None, *, time_limit: float = 20.0
+    ) -> OutputBand:
         """Predict one step, with bands; see :func:`setid.predict`.
 
         Parameters
@@ -575,10 +577,12 @@ class Identification(FeasibleSet):
             The identification record when left out.
         noise : Noise, optional
             Of this record; that of the identification when left out.
+        time_limit : float
+            Seconds for linear programs.
         """
         from setid.bands.outputs import predict
 
-        return predict(self, data, noise)
+        return predict(self, data, noise, time_limit=time_limit)
 
     def compare(
         self,
@@ -600,7 +604,7 @@ class Identification(FeasibleSet):
         noise : Noise, optional
             Of this record; that of the identification when left out.
         time_limit : float
-            Seconds for a proved band of simulations.
+            Seconds for a proved band and the search for the best member.
         """
         from setid.bands.outputs import compare
 

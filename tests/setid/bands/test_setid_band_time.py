@@ -63,3 +63,31 @@ def test_frequency_bands_have_a_time_limit(unstable: setid.Identification, name:
     assert ask([0.1, 1.0], time_limit=0.0).magnitude.shape == (2, 2)
     with pytest.raises(setid.SetidError, match="time_limit: found 'long'"):
         ask([0.1, 1.0], time_limit="long")
+
+
+def test_predictions_have_a_time_limit(
+    unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is left when time is over keeps its range over the outer box, which holds the other."""
+    whole = unstable.predict()
+    clock, solved = [0.0], proposer.Proposer._solved
+
+    def slow(self, goal):
+        clock[0] += 10.0
+        return solved(self, goal)
+
+    monkeypatch.setattr(proposer.Proposer, "_solved", slow)
+    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    for ask in (
+        unstable.predict,
+        lambda **limit: unstable.compare(mode="prediction", **limit).band,
+    ):
+        clock[0] = 0.0
+        band = ask(time_limit=1.0)
+        assert 0.0 < clock[0] <= 30.0
+        known = ~np.isnan(whole.low)
+        assert np.all(band.low[known] <= whole.low[known] + 1e-9)
+        assert np.all(band.high[known] >= whole.high[known] - 1e-9)
+        assert np.all(np.isfinite(band.high[known] - band.low[known]))
+    with pytest.raises(setid.SetidError, match="time_limit: found -1"):
+        unstable.predict(time_limit=-1)
