@@ -81,9 +81,14 @@ def local_search(
                 return sequential_search(problem, start, end=end)  # SLSQP is not made for that
             if problem.dimension <= DENSE_LIMIT:
                 return _by_slsqp(problem, start, end)
+            if problem.dimension > _MATRIX_LIMIT:
+                return sequential_search(problem, start, end=end)
             return _by_trust_region(problem, start, end)
         except _OutOfTime as late:
             return late.x
+
+
+_MATRIX_LIMIT = 2000  # variables: the trust region method keeps two full matrices of that size
 
 
 class _OutOfTime(Exception):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.local_search import multistart
+from sparsepop_py.local_search import multistart, solvers
 from sparsepop_py.local_search.multistart import starting_points
 from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -100,3 +100,16 @@ def test_one_proof_of_existence_is_tried_when_time_is_over(end, count, monkeypat
     found = [(value, np.array([value])) for value in (0.1, 0.2, 0.3)]
     multistart._best_proved(problem, found, None, multistart.Aim(1e-6), end)
     assert len(tried) == count
+
+
+def test_large_problems_are_searched_without_full_matrices(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The sum of x_i over x_i x_(i+1) >= 1/4 in pairs is least where all x_i are 1/2."""
+    count = 2002
+    x = sp.variables(count)
+    rows = [x[i] * x[i + 1] >= 0.25 for i in range(0, count, 2)]
+    problem = sp.Problem(sp.total(x), rows, lower=0.1, upper=1)
+    monkeypatch.setattr(solvers, "minimize", None)
+    found = local_search(problem, np.full(count, 0.8))
+    assert found.sum() == pytest.approx(count / 2, abs=1e-3)
