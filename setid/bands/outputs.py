@@ -62,6 +62,8 @@ class OutputBand:
         What members reach, up to rounding, beside a proved simulation; NaN where none is known.
     reports : tuple of BandReport
         Of a proved simulation, one an output.
+    late : int
+        Number of ends of predictions for which the time was over: those over the outer box.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class OutputBand:
     attained_low: Reals | None = None
     attained_high: Reals | None = None
     reports: tuple[BandReport, ...] = ()
+    late: int = 0
 
     @property
     def silent(self) -> NDArray[np.bool_]:
@@ -180,6 +183,11 @@ class Comparison:
         many = len(band.reports) > 1
         for place, report in enumerate(band.reports, 1):
             lines.append(f"y{place}: {report.text}" if many else report.text)
+        if band.late:
+            lines.append(
+                f"time was over for {band.late} ends of predictions, which are those over the outer "
+                "box; a larger time_limit narrows them"
+            )
         lines += self._silence()
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
@@ -363,9 +371,11 @@ def predict(
         )
     theta = coordinates.values(nominal(result))
     found = np.full((5, *record.y.shape), np.nan)
+    sources = list[Proposer]()
 
     def timed(spaces: HalfSpaces) -> Proposer:
-        return Proposer(spaces, until=until)
+        sources.append(Proposer(spaces, until=until))
+        return sources[-1]
 
     def put(rows: Regression, kinds: slice) -> None:
         place = rows.row, rows.output - 1
@@ -384,7 +394,8 @@ def predict(
             found[1:3] = found[3:5]
             put(exact, slice(0, 3))
     middle, a, b, c, d = (frozen(x) for x in found)
-    return OutputBand("proved", "prediction", record, middle, a, b, c, d)
+    late = sum(source.late for source in sources)
+    return OutputBand("proved", "prediction", record, middle, a, b, c, d, late=late)
 
 
 def compare(

@@ -105,6 +105,8 @@ class Proposer:
         """Rows of each basis: m rows, then p upper and p lower sides of the box."""
         self.contradictory = False
         """True after a program found no point that satisfies all rows."""
+        self.late = 0
+        """Number of directions for which there was no time."""
         for rows in seeds:
             self._keep(rows, check=True)
 
@@ -130,6 +132,7 @@ class Proposer:
             yield from self._served(place, waiting)
         while waiting.left and self._norm.size and not self.contradictory:
             if time.monotonic() > self._until:
+                self.late += waiting.left
                 return
             first = waiting.first
             if self._solved(waiting.goals[:, first]):

@@ -89,5 +89,9 @@ def test_predictions_have_a_time_limit(
         assert np.all(band.low[known] <= whole.low[known] + 1e-9)
         assert np.all(band.high[known] >= whole.high[known] - 1e-9)
         assert np.all(np.isfinite(band.high[known] - band.low[known]))
+        assert whole.late == 0 < band.late <= 2 * np.count_nonzero(known)
+    clock[0] = 0.0
+    said = unstable.compare(mode="prediction", time_limit=1.0).summary()
+    assert "a larger time_limit narrows them" in said
     with pytest.raises(setid.SetidError, match="time_limit: found -1"):
         unstable.predict(time_limit=-1)
