@@ -185,8 +185,8 @@ class Comparison:
             lines.append(f"y{place}: {report.text}" if many else report.text)
         if band.late:
             lines.append(
-                f"time was over for {band.late} ends of predictions, which are those over the outer "
-                "box; a larger time_limit narrows them"
+                f"time was over for {band.late} ends of predictions, which are those over the "
+                "outer box; a larger time_limit narrows them"
             )
         lines += self._silence()
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
