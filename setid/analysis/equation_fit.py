@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from setid.errors import SetidError
 from setid.formulation.regression import Regression
-from setid.proofs.least_noise.least_error import Multipliers, Norm
+from setid.proofs.least_noise.least_error import Multipliers, Norm, weighted_sums
+from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.verified.arithmetic.rational import solve_matrix
 
@@ -43,21 +44,37 @@ def minimiser(rows: Regression, norm: Norm) -> tuple[Reals, Reals]:
         scaled, size = _in_units(a)
         theta = -np.linalg.lstsq(scaled, y, rcond=None)[0]
         return theta / size, np.asarray(y + scaled @ theta, np.float64)
+    return _least_largest(y, a) if norm == "linf" else _least_sum(y, a)
+
+
+def _least_largest(y: Reals, a: Reals) -> tuple[Reals, Reals]:
+    """Minimise the largest error."""
     count, p = a.shape
-    size = sps.csr_array(np.ones((count, 1))) if norm == "linf" else sps.eye_array(count).tocsr()
-    dense = sps.csr_array(a)
-    below = sps.vstack([sps.hstack([dense, -size]), sps.hstack([-dense, -size])]).tocsr()
-    cost = np.append(np.zeros(p), np.ones(size.shape[1]))
-    found = solve_scaled(cost, (below, np.concatenate([-y, y])))
-    if found.status != "solved":
-        raise SetidError("data: the linear program has no solution; are numbers near overflow?")
-    theta = found.x[:p]
-    if norm == "linf":
-        return theta, np.abs(found.dual[:count]) - np.abs(found.dual[count : 2 * count])
+    size = np.ones((count, 1))
+    below = sps.csr_array(np.vstack([np.hstack([a, -size]), np.hstack([-a, -size])]))
+    found = solve_scaled(np.append(np.zeros(p), 1.0), (below, np.concatenate([-y, y])))
+    _check_solved(found)
+    return found.x[:p], np.abs(found.dual[:count]) - np.abs(found.dual[count:])
+
+
+def _least_sum(y: Reals, a: Reals) -> tuple[Reals, Reals]:
+    """Minimise the sum of errors: the dual program has one row a parameter."""
+    count, p = a.shape
+    scaled, size = _in_units(a)
+    nothing, ends = sps.csr_array((0, count)), np.ones(count)
+    equal = sps.csr_array(scaled.T), np.zeros(p)
+    found = solve_scaled(-y, (nothing, np.zeros(0)), equal, (-ends, ends))
+    _check_solved(found)
+    theta = found.dual / size
     errors = y + a @ theta  # a vertex: the signs of errors, and what balances them where it is zero
     signs = np.sign(errors)
     signs[np.argsort(np.abs(errors))[: _independent(a).size]] = 0.0
     return theta, signs
+
+
+def _check_solved(found: LinearSolution) -> None:
+    if found.status != "solved":
+        raise SetidError("data: the linear program has no solution; are numbers near overflow?")
 
 
 def corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
@@ -82,10 +99,7 @@ def corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
     if order.size < p:
         return Multipliers(())
     pivots = order.tolist()
-    left = [
-        sum((v * Fraction(float(a[k, i])) for k, v in enumerate(values) if v), Fraction(0))
-        for i in range(p)
-    ]
+    left = weighted_sums(a, values)
     matrix = [[Fraction(float(a[k, i])) for k in pivots] for i in range(p)]
     changes = solve_matrix(matrix, [[-value] for value in left])
     if changes is not None:

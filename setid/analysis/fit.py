@@ -35,6 +35,7 @@ from setid.proofs.least_noise.least_error import (
     output_bound,
     verify_output,
 )
+from sparsepop_py.budget import EARLY
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -269,13 +270,18 @@ def fit(
     if word(errors, "errors", ("output", "equation"), SetidError) == "equation":
         if listed(priors):
             raise SetidError("priors: found some, expected none for equation errors")
-        return _equation(data, model, norm)
+        return _equation(data, model, norm, settings)
     return _output(data, model, norm, tuple(listed(priors)), settings)
 
 
-def _equation(data: IOData, model: Structure, norm: Norm) -> Fit:
-    rows = regression_of_data(data, model)
-    theta, dual = minimiser(rows, norm)
+def _equation(data: IOData, model: Structure, norm: Norm, settings: Options) -> Fit:
+    rows, deadline = regression_of_data(data, model), settings.limits()
+    try:
+        with deadline.kept():
+            theta, dual = minimiser(rows, norm)
+    except EARLY as cause:  # residuals of least squares prove something in each norm
+        deadline.ended(cause)
+        theta, dual = minimiser(rows, "l2")
     proof = corrected(rows, dual, norm)
     return Fit(
         names=rows.names,

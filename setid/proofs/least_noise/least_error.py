@@ -37,6 +37,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted
 from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box
 from sparsepop_py.algebra.polynomial_rows import polynomial_rows
+from sparsepop_py.verified.arithmetic.interval import exact_values
 
 __all__ = [
     "Multipliers",
@@ -51,6 +52,7 @@ __all__ = [
     "output_bound",
     "stated",
     "verify_output",
+    "weighted_sums",
 ]
 
 Norm = Literal["linf", "l2", "l1"]
@@ -89,17 +91,31 @@ def equation_bound(rows: Regression, norm: Norm, proof: Multipliers) -> float:
     values = proof.values
     if len(values) != rows.target.size:
         return 0.0
-    used = [(k, v) for k, v in enumerate(values) if v]
-    for column in range(rows.regressors.shape[1]):
-        if sum(v * Fraction(float(rows.regressors[k, column])) for k, v in used) != 0:
-            return 0.0
-    gain = sum((v * Fraction(float(rows.target[k])) for k, v in used), Fraction(0))
+    if any(weighted_sums(rows.regressors, values)):
+        return 0.0
+    [gain] = weighted_sums(rows.target[:, None], values)
     if gain <= 0:
         return 0.0
     if norm == "l2":
-        return _root(gain * gain / sum(v * v for _, v in used), up=False)
-    size = max(abs(v) for _, v in used) if norm == "l1" else sum(abs(v) for _, v in used)
-    return _double(gain / size, up=False)
+        each = np.arange(1, len(values) + 1, dtype=np.int32)
+        squares = np.stack([each, each], axis=1), np.ones(each.size), np.zeros(each.size, np.int64)
+        [square] = exact_values(*squares, 1, values)
+        return _root(gain * gain / square, up=False)
+    sizes = [abs(v) for v in values]
+    return _double(gain / (max(sizes) if norm == "l1" else sum(sizes)), up=False)
+
+
+def weighted_sums(table: NDArray[np.float64], weights: Sequence[Fraction]) -> list[Fraction]:
+    """Sum the rows of a table, each with a weight, exactly.
+
+    Parameters
+    ----------
+    table : (R, p) float
+    weights : sequence of Fraction, length R
+    """
+    count, p = table.shape
+    words = np.repeat(np.arange(1, count + 1, dtype=np.int32), p)[:, None]
+    return exact_values(words, table.ravel(), np.tile(np.arange(p), count), p, weights)
 
 
 def exact_norm(rows: Regression, theta: NDArray[np.float64], norm: Norm) -> float:
@@ -111,15 +127,17 @@ def exact_norm(rows: Regression, theta: NDArray[np.float64], norm: Norm) -> floa
     theta : (p,) float
     norm : {"linf", "l2", "l1"}
     """
-    parameters = [Fraction(float(value)) for value in theta]
-    errors = []
-    for target, row in zip(rows.target.tolist(), rows.regressors.tolist(), strict=True):
-        pairs = zip(row, parameters, strict=True)
-        errors.append(Fraction(target) + sum(Fraction(r) * t for r, t in pairs))
+    count, p = rows.regressors.shape
+    words = np.tile(np.arange(p + 1, dtype=np.int32), count)[:, None]  # 0 for the target
+    terms = np.column_stack([rows.target, rows.regressors]).ravel()
+    place = np.repeat(np.arange(count), p + 1)
+    point = [Fraction(value) for value in theta.tolist()]
+    errors = exact_values(words, terms, place, count, point)
+    unit = max((e.denominator for e in errors), default=1)  # powers of two
+    sizes = [abs(e.numerator) * (unit // e.denominator) for e in errors]
     if norm == "l2":
-        return _root(sum((e * e for e in errors), Fraction(0)), up=True)
-    sizes = [abs(e) for e in errors]
-    return _double(sum(sizes, Fraction(0)) if norm == "l1" else max(sizes), up=True)
+        return _root(Fraction(sum(size * size for size in sizes), unit * unit), up=True)
+    return _double(Fraction(sum(sizes) if norm == "l1" else max(sizes), unit), up=True)
 
 
 def _double(value: Fraction, up: bool) -> float:

@@ -12,10 +12,12 @@ from scipy.signal import lfilter
 
 import setid
 import sparsepop_py as sp
+from setid.analysis import equation_fit
 from setid.feasible_set.start import find_box
 from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.least_noise.least_error import Norm, OutputErrors, stated, verify_output
 from setid.proofs.parameter_box import start_of
+from sparsepop_py.budget import LimitReached
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
 QUICK = setid.Options(time_limit=10.0, progress=False)
@@ -190,6 +192,23 @@ def test_equation_errors_of_a_constant_input_are_bounded(norm: Norm, least: floa
     found = setid.fit(data, setid.TransferFunction(na=0, nb=2), norm, "equation")
     assert found.lower_bound == pytest.approx(least) and found.error == pytest.approx(least)
     assert found.verify()
+
+
+@pytest.mark.parametrize("norm", ["linf", "l1"])
+def test_least_squares_prove_something_when_the_time_is_over(
+    norm: Norm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(6)
+    data = setid.IOData(rng.uniform(-1, 1, 40), rng.uniform(-1, 1, 40))
+    model = setid.TransferFunction(na=1, nb=1)
+    whole = setid.fit(data, model, norm, "equation")
+
+    def ended(*given: object) -> None:
+        raise LimitReached
+
+    monkeypatch.setattr(equation_fit, "solve_scaled", ended)
+    found = setid.fit(data, model, norm, "equation")
+    assert 0.0 < found.lower_bound <= whole.error <= found.error and found.verify()
 
 
 @pytest.mark.parametrize(("norm", "least"), [("linf", 1.8), ("l1", 2.8), ("l2", np.hypot(1, 1.8))])
