@@ -17,13 +17,14 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.proofs.cells.arithmetic import Fitted
 from setid.proofs.cells.parts import Parts
-from sparsepop_py.verified.arithmetic.scalar_interval import Ends
+from sparsepop_py.verified.arithmetic.scalar_interval import Ends, power, product, quotient, times
 from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
 __all__ = ["converted", "divided", "factor_of"]
 
 Reals = NDArray[np.float64]
 _MOST = float(np.finfo(float).max)
+_LEAST = float(np.finfo(float).tiny)  # smaller results have fewer digits
 
 
 def converted(
@@ -78,17 +79,19 @@ def factor_of(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -
     fixed = dict(model.fixed)
     for place, word in enumerate(parts.words):
         if all(name in fixed for name in word):
-            goal = float(np.prod([fixed[name] for name in word]))
-            scale = np.asarray(parts.constants)[place]
-            return divided(np.full((len(cells), 2), goal / scale), cells[:, :, n + place])
+            asked = _product_of([fixed[name] for name in word])
+            top = quotient(asked, _near(float(parts.constants[place])))
+            return divided(np.tile(top, (len(cells), 1)), cells[:, :, n + place])
     for m, column in enumerate(parts.columns, len(parts.past)):
         goal = float(np.prod([fixed.get(name, 0.0) for name in column.word]))
-        if column.power == 1 and goal:
+        if column.power == 1 and _LEAST <= abs(goal) <= _MOST:
             ends = np.stack(
                 [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
             )
-            ends = np.sort(ends / goal, axis=1)
-            return np.nextafter(ends + 1e-14 * np.abs(ends) * [-1.0, 1.0], [-np.inf, np.inf])
+            with np.errstate(over="ignore", invalid="ignore"):  # where it is NaN nothing is known
+                ends = np.sort(ends / goal, axis=1)
+                ends = ends + 0.9e-14 * np.abs(ends) * [-1.0, 1.0]
+            return np.nextafter(ends, [-np.inf, np.inf])
     if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
         top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
         lost = 1e-14 * (1.0 + np.abs(cells[:, :, :n]).sum(axis=2))  # near a pole at 1 it is much
@@ -112,8 +115,8 @@ def divided(top: Reals, below: Reals) -> Reals:
     with np.errstate(over="ignore"):
         corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    low = np.nextafter(np.minimum(low, _MOST) * (1.0 - 1e-12 * np.sign(low)), -np.inf)
-    high = np.nextafter(np.maximum(high, -_MOST) * (1.0 + 1e-12 * np.sign(high)), np.inf)
+    low = np.nextafter(np.minimum(low, _MOST) * (1.0 - 0.9e-12 * np.sign(low)), -np.inf)
+    high = np.nextafter(np.maximum(high, -_MOST) * (1.0 + 0.9e-12 * np.sign(high)), np.inf)
     return np.stack([np.where(zero, -np.inf, low), np.where(zero, np.inf, high)], axis=1)
 
 
@@ -133,17 +136,16 @@ def _one_cell(
     for i, name in enumerate(parts.poles):
         box[0, place[name]] = max(box[0, place[name]], cell[0, i])
         box[1, place[name]] = min(box[1, place[name]], cell[1, i])
-    scale = (float(factor[0]), float(factor[1]))
+    known_factor = bool(np.all(np.isfinite(factor)))
+    scale = (float(factor[0]), float(factor[1])) if known_factor else (-inf, inf)
     ends: dict[Total, Ends] = {}
     for i, word in enumerate(parts.words):
-        constant = float(parts.constants[i])
-        for name in word:
-            constant /= fixed.get(name, 1.0)
+        known = _product_of([fixed[name] for name in word if name in fixed])
+        constant = quotient(_near(float(parts.constants[i])), known)
         free = tuple(sorted(place[name] for name in word if name not in fixed))
-        if free and np.all(np.isfinite(scale)):
-            ends[free,] = _spread(
-                [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
-            )
+        if free and known_factor and np.all(np.isfinite(constant)):
+            low, high = cell[:, n + i].tolist()
+            ends[free,] = product([scale, (low, high), constant])
     if not fit.bounded[number]:
         return contracted(box, ends, ())
     ends |= _row_ends(parts, fixed, fit, number, scale, place)
@@ -167,31 +169,27 @@ def _row_ends(
     low, high = fit.gamma[number] - fit.radius[number], fit.gamma[number] + fit.radius[number]
     ends: dict[Total, Ends] = {}
     for m, name in enumerate(parts.past):
-        ends[((place[name],),)] = _spread([float(low[m]), float(high[m])])
+        ends[((place[name],),)] = _outwards(low[m], high[m])
     for m, column in enumerate(parts.columns, len(parts.past)):
         free = tuple(sorted(place[name] for name in column.word if name not in fixed))
-        known = float(np.prod([fixed[name] for name in column.word if name in fixed]))
-        divisor = _power(scale, column.power)
-        if not free or not known or not np.all(np.isfinite(divisor)):
-            continue
-        if column.power and divisor[0] <= 0.0 <= divisor[1]:
-            continue
-        ends[free,] = _spread([float(a) / b / known for a in (low[m], high[m]) for b in divisor])
+        known = _product_of([fixed[name] for name in column.word if name in fixed])
+        divisor = times(power(scale, column.power), known)
+        apart = divisor[0] > 0.0 or divisor[1] < 0.0
+        if free and apart and np.all(np.isfinite(divisor)):
+            ends[free,] = quotient(_outwards(low[m], high[m]), divisor)
     return ends
 
 
-def _power(ends: Ends, power: int) -> Ends:
-    """The range of powers, up to rounding; infinite ends where they overflow."""
-    try:
-        low, high = sorted((ends[0] ** power, ends[1] ** power))
-    except OverflowError:
-        return -np.inf, np.inf
-    if power % 2 == 0 and power and ends[0] < 0.0 < ends[1]:
-        low = 0.0
-    return low, high
+def _outwards(low: float, high: float) -> Ends:
+    """The range between two numbers that were rounded once."""
+    return nextafter(float(low), -inf), nextafter(float(high), inf)
 
 
-def _spread(corners: list[float]) -> Ends:
-    """The range of numbers, widened by what was rounded; none is beyond all doubles for sure."""
-    low, high = min(*corners, _MOST), max(*corners, -_MOST)
-    return nextafter(low - 1e-12 * abs(low), -inf), nextafter(high + 1e-12 * abs(high), inf)
+def _near(number: float) -> Ends:
+    """The range of what is rounded to a number."""
+    return _outwards(number, number)
+
+
+def _product_of(numbers: list[float]) -> Ends:
+    """The range of a product; exact for a single number."""
+    return product([(number, number) for number in numbers])

@@ -13,9 +13,10 @@ import pytest
 import setid
 import sparsepop_py as sp
 from setid.proofs.cells import output_cells
-from setid.proofs.cells.arithmetic import Enclosed, enclosed, rows_of
-from setid.proofs.cells.cell_normalisation import _spread, divided, factor_of
+from setid.proofs.cells.arithmetic import Enclosed, Fitted, enclosed, rows_of
+from setid.proofs.cells.cell_normalisation import converted, divided, factor_of
 from setid.proofs.cells.output_cells import CellBox, cell_box
+from setid.proofs.cells.parts import Column
 from setid.proofs.parameter_box import start_of
 
 TRUTH = {1: (-0.7, 0.3, 0.3, 0.1), 2: (-1.1, 0.4, 0.2, 0.1, 0.3, 0.1)}
@@ -177,10 +178,37 @@ def test_quotients_beyond_the_doubles_are_rounded_outwards() -> None:
         assert low < np.inf and high > -np.inf
 
 
-def test_ranges_of_coefficients_beyond_the_doubles_are_rounded_outwards() -> None:
-    most = np.finfo(float).max
-    assert _spread([np.inf, np.inf])[0] <= most and _spread([-np.inf, -np.inf])[1] >= -most
-    assert _spread([0.0, 0.0])[0] < 0.0 < _spread([0.0, 0.0])[1]  # quotients that underflow
+@pytest.mark.parametrize("fixed", [1.0, 1e100, 1e-300])
+@pytest.mark.parametrize("constant", [1.0, 1e290, 1e-300])
+@pytest.mark.parametrize("gamma", [1e-280, 3.0, 1e200])
+@pytest.mark.parametrize("size", [1e-158, 1e-150, 1e120])
+def test_coefficients_are_bounded_whatever_the_units(
+    size: float, gamma: float, constant: float, fixed: float
+) -> None:
+    """With w = b1 v, rows gamma z^2 and a face where b1 is 1: products may leave the doubles."""
+    names = ("a1", "v", "w", "g2")
+    cell = np.array([0.5, size, 1.0])
+    parts = SimpleNamespace(
+        poles=("a1",), words=(("f",), ("w", "h")), constants=np.full(2, constant), past=(),
+        numerator=(), columns=(Column(0, 2, ("g2", "h")),), label="G",
+    )  # fmt: skip
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, "b1", initial="zero")
+    object.__setattr__(model, "fixed", (("f", constant), ("h", fixed)))
+    fit = Fitted(np.full((1, 1), gamma), np.zeros((1, 1)), np.ones(1, bool), np.zeros(1, bool))
+    given = SimpleNamespace(parameters=names, model=model)
+    start = np.array([[-np.inf] * 4, [np.inf] * 4])
+    hull, kept = converted(parts, given, start, np.array([[cell, cell]]), fit)
+    assert kept.tolist() == [0]
+    scale = 1 / Fraction(size)  # of the face, with which f = constant * size * scale
+    exact = {
+        "w": scale * Fraction(constant) / Fraction(fixed),
+        "g2": Fraction(gamma) / scale**2 / Fraction(fixed),
+    }
+    for name, value in exact.items():
+        low, high = hull[:, names.index(name)]
+        assert low == -np.inf or Fraction(float(low)) <= value
+        assert high == np.inf or value <= Fraction(float(high))
+        assert low < np.inf and high > -np.inf
 
 
 def test_static_gains_near_a_pole_at_one_carry_the_rounding_of_sums() -> None:
