@@ -276,6 +276,7 @@ def _regression_rows(
     width = rows.radius[usable] + radii @ level
     slack = 8 * (lower.size + 4) * _EPS
     slack = slack * (np.abs(target) + width + (np.abs(regressors) + radii) @ size)
+    slack = slack + np.where(width > 0, _TINY, 0.0)
     matrix = np.concatenate([regressors - radii * slope, -regressors - radii * slope])
     right = np.concatenate([width - target + slack, width + target + slack])
     kept = np.flatnonzero(usable)
@@ -292,6 +293,7 @@ def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
         slope = np.where(finite, (high + low) / (high - low), np.where(lower >= 0, 1.0, -1.0))
         level = -2.0 * (low / (high - low)) * high
         level = level + 8 * _EPS * (level + high - low)  # the chord of a convex function, raised
+        level = level + _TINY
     return np.where(mixed & ~finite, 0.0, slope), np.where(
         finite, level, np.where(mixed, np.inf, 0.0)
     )
