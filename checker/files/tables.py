@@ -19,12 +19,13 @@ def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], li
     """Read names (or none) and columns; a first line with a word is a header."""
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").split("\n")
-        if not lines[-1]:
-            lines.pop()
         while lines and lines[0].strip()[:1] in ("", "#", "%"):
             del lines[0]
         marks = ";\t," if decimal == "." else ";\t"
-        mark = next((m for m in marks if lines and m in lines[0]), None)
+        mark = next((m for m in marks if lines and m in lines[0].strip(" \t")), None)
+        lines = [line.strip(" " if mark == "\t" else " \t") for line in lines]
+        while lines and not lines[-1]:
+            lines.pop()
         rows = [[field.strip() for field in fields_of(line, mark)] for line in lines]
     except (OSError, ValueError, csv.Error) as error:
         raise Malformed(f"{path}: {error}") from None
@@ -38,11 +39,10 @@ def table_of(path: str, decimal: str, header: int | None) -> tuple[list[str], li
 
 
 def fields_of(line: str, mark: str | None) -> list[str]:
-    """Split a line at its separator, but not within quotes; without one at blanks."""
+    """Split a stripped line at its separator, but not within quotes; without one at blanks."""
     if mark is None:
         return line.split()
-    inner = line.strip(" " if mark == "\t" else " \t")
-    return next(csv.reader([inner], delimiter=mark, strict=True), [])
+    return next(csv.reader([line], delimiter=mark, strict=True), [])
 
 
 def part_of(columns: list[list[Any]], rows: str) -> list[list[Any]]:

@@ -285,7 +285,7 @@ def test_tables_are_compared_with_the_record(tmp_path):
     assert command.main(["--record", str(table), str(path)]) == 0
     changes = {
         1: (rows[:-1], [*rows[:-1], "9,1,2"]),
-        2: ([*rows, ""], [*rows[:3], "#N/A", *rows[3:]], []),
+        2: ([*rows[:3], "", *rows[3:]], [*rows[:3], "#N/A", *rows[3:]], []),
     }
     for code, tables in changes.items():
         for change in tables:
@@ -324,6 +324,9 @@ def test_separators_within_quotes_separate_nothing(tmp_path, capsys):
     assert setid.IOData.from_csv(table, "valve, a", "level").samples == len(rows)
     assert command.main(["--record", str(table), str(path)]) == 0
     assert "u1 is column 'valve, a'" in capsys.readouterr().out
+    table.write_text(f"\t{table.read_text()}\n \t\n")  # blanks before, and lines of them behind
+    assert setid.IOData.from_csv(table, "valve, a", "level").samples == len(rows)
+    assert command.main(["--record", str(table), str(path)]) == 0
     table.write_text("\n".join(['t,"valve, a,level', *rows]) + "\n")
     assert command.main(["--record", str(table), str(path)]) == 2
 
