@@ -6,6 +6,7 @@ A problem that was read is evaluated at points, beside the formulas by hand.
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -315,6 +316,20 @@ def test_cubic_rows_keep_all_digits_and_rows_without_terms_stay(
     assert str(empty) == "4.5"
 
 
+@pytest.mark.parametrize("power", [2.5, 0.5, 3.0000001])
+def test_fractional_powers_of_files_of_ampl_are_refused(
+    written: Callable[[Any], sp.Problem], power: float
+) -> None:
+    """SCIP writes x^2.5, which is not x^2 + 0.5."""
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(0, 3)), pyo.Var(bounds=(0, 3))
+    model.cost = pyo.Objective(expr=-model.x)
+    model.row = pyo.Constraint(expr=model.y * model.x**power <= 1)
+    with pytest.raises(sp.FormatError, match=re.escape(f"found '^{power}'")):
+        written(model)
+
+
 def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:
     """3 - x y / 2 lies between -1 and 1, and is the objective."""
     pytest.importorskip("pyscipopt")
@@ -378,6 +393,34 @@ def test_a_file_of_osil(tmp_path: Path) -> None:
     for x, y in itertools.product((-1.0, 0.25, 3.0), repeat=2):
         assert problem.objective([x, y]) == x + 2 * y
         assert violations(problem, [x, y]) == [4 - x * x - 3 * x * y, x + 5, y + 5, 5 - x, 5 - y]
+
+
+OSIL_CONE = """<cones numberOfCones="1">
+<quadraticCone idx="0"><firstIdx>0</firstIdx></quadraticCone></cones>"""
+OSIL_EXPRESSION = """<nl idx="0"><square><variable idx="0"/></square></nl>"""
+OSIL_EXPRESSIONS = f"""<nonlinearExpressions numberOfNonlinearExpressions="2">
+{OSIL_EXPRESSION}{OSIL_EXPRESSION}</nonlinearExpressions>"""
+OSIL_QUADRATIC = """<quadraticCoefficients numberOfQuadraticTerms="1">
+<qTerm idx="0" idxOne="1" idxTwo="1" coef="1"/></quadraticCoefficients>"""
+
+
+@pytest.mark.parametrize(
+    ("part", "found"),
+    [
+        (OSIL_CONE, "found <cones>"),
+        (OSIL_EXPRESSIONS, "found <nl idx='0'> twice"),
+        (OSIL_QUADRATIC, "found <quadraticCoefficients> twice"),
+        ("</variables>", "found no XML"),
+    ],
+)
+def test_what_scip_passes_over_in_files_of_osil_is_refused(
+    tmp_path: Path, part: str, found: str
+) -> None:
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "disc.osil"
+    path.write_text(OSIL.replace("</instanceData>", f"{part}</instanceData>"))
+    with pytest.raises(sp.FormatError, match=re.escape(found)):
+        sp.read(path)
 
 
 OSIL = """<?xml version="1.0" encoding="UTF-8"?>

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -33,7 +34,16 @@ _INFINITE = 1e20  # what SCIP takes for infinite
 _TEXTS = (".pip", ".lp")  # as people write them
 _WHOLE = ("BINARY", "INTEGER", "IMPLINT")
 _TERM = re.compile(
-    r"([+-]?)\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?((?:\s*\*?\s*x\d+(?:\^\d+)?)*)"
+    r"([+-]?)\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?((?:\s*\*?\s*x\d+(?:\^\d+(?![\d.eE]))?)*)"
+)
+_OSIL = (  # parts of an .osil file that SCIP reads; it passes over others without a word
+    "variables",
+    "objectives",
+    "constraints",
+    "linearConstraintCoefficients",
+    "quadraticCoefficients",
+    "nonlinearExpressions",
+    "specialOrderedSets",
 )
 _NO_POWER = re.compile(r"\^(?!\s*\d{1,4}(?![\d.eE_]|\s*\^))")  # in files, comments left out
 _ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(>=|<=|=)\s*(\S+)", re.S | re.M)
@@ -122,6 +132,39 @@ def _check_powers(file: Path) -> None:
         )
 
 
+def _check_parts(file: Path) -> None:
+    """Refuse parts of an .osil file that SCIP passes over.
+
+    These are cones, matrices and others that it does not know, and what comes a second time.
+    """
+    try:
+        root = ET.parse(file).getroot()
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
+        raise FormatError(f"{file}: found no XML, expected a problem in OSiL: {error}") from None
+    parts = [part for data in root if _tag(data) == "instanceData" for part in data]
+    seen: set[str] = set()
+    for part in parts:
+        name = _tag(part)
+        if name not in _OSIL and len(part):
+            raise FormatError(f"{file}: found <{name}>, expected one of {', '.join(_OSIL)}")
+        _check_once(seen, name, file)
+    rows: set[str] = set()
+    for part in parts:
+        for row in part if _tag(part) == "nonlinearExpressions" else ():
+            _check_once(rows, f"nl idx={row.get('idx', '')!r}", file)
+
+
+def _tag(element: ET.Element) -> str:
+    """Return the name of an element without its namespace."""
+    return element.tag.rpartition("}")[2]
+
+
+def _check_once(seen: set[str], name: str, file: Path) -> None:
+    if name in seen:
+        raise FormatError(f"{file}: found <{name}> twice, expected it once: SCIP reads one")
+    seen.add(name)
+
+
 def _check_names(file: Path, names: list[str]) -> None:
     """Refuse brackets and functions, which SCIP reads as parts of names."""
     known = set(names)
@@ -137,6 +180,8 @@ def _check_names(file: Path, names: list[str]) -> None:
 def _loaded(file: Path, scip: ModuleType) -> Any:
     if file.suffix.lower() in _TEXTS:
         _check_powers(file)
+    if file.suffix.lower() == ".osil":
+        _check_parts(file)
     model = scip.Model()
     model.hideOutput()
     for name in ("numerics/epsilon", "numerics/sumepsilon"):
