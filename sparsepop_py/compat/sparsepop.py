@@ -428,6 +428,7 @@ def _errors(problem: Problem, x: NDArray[np.float64]) -> tuple[float, float]:
     terms = np.abs(evaluate(rows.words, x[None, :]).ravel() * rows.coefficients)
     np.maximum.at(size, rows.row, terms)
     short = np.where(problem.equality, -np.abs(values), values)
+    short[problem.matrices.constraints] = 0.0  # these follow from matrices, which are below
     bounds = np.concatenate([x - problem.lower, problem.upper - x])
     ends = np.abs(np.concatenate([problem.lower, problem.upper]))
     ends = np.maximum(np.where(np.isfinite(ends), ends, 1.0), np.tile(np.abs(x), 2))

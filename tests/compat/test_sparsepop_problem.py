@@ -171,6 +171,17 @@ def test_the_vector_is_filled_where_no_point_was_proved(param: dict[str, Any]) -
     assert POP.objValue == pytest.approx(POP.xVect[0] + POP.xVect[1] ** 2)
 
 
+def test_errors_of_matrices_are_their_least_eigenvalues() -> None:
+    """diag(-1, -2) has the trace -3 and the least eigenvalue -2; 0 >= |(3, 4)| lacks 5."""
+    line = {"typeCone": 1, "dimVar": 1, "noTerms": 1, "supports": [[1]], "coef": [1.0]}
+    constant = {"dimVar": 1, "noTerms": 1, "supports": [[0]]}
+    matrix = {**constant, "typeCone": 3, "sizeCone": 2, "coef": [[-1.0, 0.0, 0.0, -2.0]]}
+    cone = {**constant, "typeCone": 2, "sizeCone": 3, "coef": [[0.0, 3.0, 4.0]]}
+    for row, error in ((matrix, -2.0), (cone, -5.0)):
+        POP = sp.sparsePOP(line, [row], [0], [1], QUIET).POP
+        assert (POP.status, POP.absError) == ("INFEASIBLE", pytest.approx(error, abs=1e-9))
+
+
 def test_the_vector_is_filled_where_nothing_is_known() -> None:
     (x,) = sp.variables(1)
     POP = sp.sparsePOP(sp.Problem(x**3, upper=-2), {**QUIET, "localSearch": 0}).POP
