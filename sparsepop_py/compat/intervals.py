@@ -6,6 +6,7 @@ objectives share one box and one relaxation, and bounds of one serve the others.
 
 from __future__ import annotations
 
+import math
 import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import variables
+from sparsepop_py.budget import Deadline
 from sparsepop_py.compat.param import Parameters, read_parameters, stated_fields
-from sparsepop_py.compat.sparsepop import with_tolerance
+from sparsepop_py.compat.sparsepop import in_the_given_problem, with_tolerance
 from sparsepop_py.compat.structs import from_structs
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve_each
-from sparsepop_py.result import Result
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.result import Result, Status
 
 __all__ = ["IntervalsDetail", "interval_details", "sparsePOPintervals"]
 
@@ -51,7 +54,8 @@ class IntervalsDetail:
     status : (k, 2) list of str
         Status of the minimisation and of the maximisation.
     results : tuple of (Result, Result)
-        Minimisation of x_i and of -x_i, with their certificates.
+        Minimisation of x_i and of -x_i, with their certificates; with ``eqTolerance`` over the
+        larger set, where more points are attained.
     """
 
     indices: NDArray[np.int64]
@@ -134,23 +138,36 @@ def interval_details(
     options = _chosen_effort(parameters, {"effort", "tighten"} & set(stated_fields(param)))
     n = _dimension(lbd)
     anything = {"typeCone": 1, "dimVar": n, "noTerms": 1, "supports": [[0] * n], "coef": [0.0]}
-    problem = from_structs(anything, ineqPolySys, lbd, ubd)
-    problem = with_tolerance(problem, parameters.eqTolerance, bool(parameters.scalingSW))
+    given = from_structs(anything, ineqPolySys, lbd, ubd)
+    problem = with_tolerance(given, parameters.eqTolerance, bool(parameters.scalingSW))
+    deadline = Deadline(options.time_limit, None, options.cpu_limit)
     chosen = _chosen(indices, n)
     x = variables(n)
     distinct = sorted(set(chosen))
     solved = solve_each(problem, [p for v in distinct for p in (x[v], -x[v])], options)
     pair = {v: (solved[2 * k], solved[2 * k + 1]) for k, v in enumerate(distinct)}
     results = tuple(pair[v] for v in chosen)
+    if problem is given:
+        attained = {v: [(r.upper_bound, r.status) for r in both] for v, both in pair.items()}
+    else:
+        attained = {v: [_attained(given, r, deadline) for r in both] for v, both in pair.items()}
     return IntervalsDetail(
         np.array(chosen, int) + 1,
         np.array([low.lower_bound for low, _ in results]),
         np.array([0.0 - high.lower_bound for _, high in results]),
-        np.array([low.upper_bound for low, _ in results]),
-        np.array([0.0 - high.upper_bound for _, high in results]),
-        [[str(low.status), str(high.status)] for low, high in results],
+        np.array([attained[v][0][0] for v in chosen]),
+        np.array([0.0 - attained[v][1][0] for v in chosen]),
+        [[str(status) for _, status in attained[v]] for v in chosen],
         results,
     )
+
+
+def _attained(given: Problem, result: Result, deadline: Deadline) -> tuple[float, Status]:
+    """Find what is attained in the problem before its equations were relaxed."""
+    objective = result.problem.objective
+    problem = Problem(objective, given.constraints, given.lower, given.upper, given.names)
+    point, status = in_the_given_problem(problem, result, deadline)
+    return math.inf if point is None else point.value, status
 
 
 def _chosen_effort(parameters: Parameters, stated: set[str]) -> Options:

@@ -152,7 +152,9 @@ def _kind(output: SparsePOPOutput) -> str:
     result = output.POP.result
     if result.options.switches is not None and result.relaxation is not None:
         return "first moments of the SDP, not proved"
-    return "attained" if result.attained is not None else "nearly feasible point, not proved"
+    if result.attained is None:
+        return "nearly feasible point, not proved"
+    return "attained, with equations relaxed" if output.param.eqTolerance else "attained"
 
 
 def _vector(name: str, x: Any) -> Iterator[str]:

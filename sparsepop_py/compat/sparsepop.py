@@ -47,7 +47,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Input", "read_input", "sparsePOP", "with_tolerance"]
+__all__ = ["Input", "in_the_given_problem", "read_input", "sparsePOP", "with_tolerance"]
 
 _FORMS = "sparsePOP(objPoly, ineqPolySys, lbd, ubd, param) or sparsePOP('file.gms', param)"
 _CALL = re.compile(r"(?:(?P<module>[\w.]+):)?(?P<name>[A-Za-z_]\w*)(?:\((?P<given>.*)\))?", re.S)
@@ -332,7 +332,7 @@ def _point(
 ) -> POPOutput:
     attained, status = result.attained, result.status
     if result.problem is not problem:
-        attained, status = _in_the_given_problem(problem, result)
+        attained, status = in_the_given_problem(problem, result)
     refined = attained.x if parameters.POPsolver and attained is not None else None
     upper = attained.value if attained is not None else np.inf
     upper = -np.inf if status is Status.UNBOUNDED else upper
@@ -364,18 +364,29 @@ def _vector(problem: Problem, result: Result, built: BuiltSDP | None) -> NDArray
     return next(known, nearest)
 
 
-def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
+def in_the_given_problem(
+    problem: Problem, result: Result, deadline: Deadline | None = None
+) -> tuple[ProvedPoint | None, Status]:
     """Prove a point in the given problem from one of the larger set.
 
-    Returns the point, if any, and the status that follows.
+    Parameters
+    ----------
+    problem : Problem
+    result : Result
+        Of the same objective with relaxed equations.
+    deadline : Deadline, optional
+        By default the limits of the result's options, from now.
+
+    Returns
+    -------
+    point : ProvedPoint or None
+    status : Status
+        What follows for the given problem.
     """
     options = result.options
-    context = SolveContext(
-        problem,
-        options,
-        Stages(False),
-        Deadline(options.time_limit, options.work_limit, options.cpu_limit),
-    )
+    if deadline is None:
+        deadline = Deadline(options.time_limit, options.work_limit, options.cpu_limit)
+    context = SolveContext(problem, options, Stages(False), deadline)
     best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
     context = replace(context, best=best)
     if result.status is Status.INFEASIBLE:

@@ -91,3 +91,16 @@ def test_a_question_in_a_file(tmp_path: Path) -> None:
     assert detail["lo"].ravel() == pytest.approx([-ROOT] * 2, abs=1e-5)
     assert detail["hi"].ravel() == pytest.approx([2] * 2, abs=1e-5)
     assert detail["status"].shape == (2, 2)
+
+
+@pytest.mark.parametrize("param", [{}, {"tighten": 1, "relaxOrder": 2}])
+def test_attained_ends_are_those_of_the_equations_as_given(param: dict[str, Any]) -> None:
+    """x^2 = 1 and x >= 0 say x = 1; with 0 <= x^2 - 1 <= 9 / 4 the bound is sqrt(13) / 2.
+
+    The relaxed equation is divided by 9, its largest coefficient in [0, 3]: 1/4 of it is 9/4.
+    """
+    row = struct([[0], [2]], [-1, 1], typeCone=-1)
+    found = interval_details([row], [0], [3], 1, {"eqTolerance": 0.25, **param})
+    assert found.hi == pytest.approx([13**0.5 / 2], abs=1e-5)
+    assert found.innerHi == pytest.approx([1], abs=1e-9) and found.lo <= found.innerLo
+    assert found.status[0][1] == "BOUNDED"
