@@ -71,6 +71,8 @@ FORMATS: Registry[Format] = Registry(
         ".osil": Format(read_by_scip),
     },
     FormatError,
+    of=Format,
+    prefix=".",
 )
 
 

@@ -70,6 +70,11 @@ def _converted(
     symbols = [found.get(label, sympy.Symbol(label)) for label in labels]
     if not symbols:
         raise ProblemError("objective: found no symbol, expected at least one variable")
+    if whole := [label for label, symbol in zip(labels, symbols, strict=True) if symbol.is_integer]:
+        raise ProblemError(
+            f"objective, constraints: found the integer symbols {', '.join(whole)}, expected real "
+            "ones (b with the constraint b**2 == b is binary)"
+        )
     polynomial = read(sympy.sympify(objective), symbols, labels, "objective")
     rows = [
         _constraint(row, symbols, labels, f"constraints[{number}]", read)
@@ -94,6 +99,8 @@ def natural_key(name: str) -> tuple[list[tuple[int, str]], str]:
 def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: str) -> Polynomial:
     import sympy
 
+    if not isinstance(expression, sympy.Expr):  # sympy reads the equation a = b as a - b
+        raise ProblemError(f"{where}: found {expression}, expected a polynomial")
     floats = {number: sympy.Rational(number) for number in expression.atoms(sympy.Float)}
     try:
         terms = sympy.Poly(expression.xreplace(floats), *symbols)  # multiplied out exactly

@@ -30,7 +30,11 @@ class Registry(Generic[Entry]):
         The word for one entry in error messages, such as ``"solver"``.
     entries : mapping from str to object or "module:attribute"
     error : type of SparsePOPError
-        Raised for unknown names.
+        Raised for unknown names, and for entries that cannot be used.
+    of : type, optional
+        The class of each entry; by default functions and what else can be called.
+    prefix : str
+        With which each name begins.
 
     Examples
     --------
@@ -48,8 +52,11 @@ class Registry(Generic[Entry]):
         kind: str,
         entries: Mapping[str, Entry | str],
         error: type[SparsePOPError] = SparsePOPError,
+        of: type | None = None,
+        prefix: str = "",
     ) -> None:
         self.kind, self._entries, self._error = kind, dict(entries), error
+        self._of, self._prefix = of, prefix
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
@@ -63,16 +70,34 @@ class Registry(Generic[Entry]):
         Raises
         ------
         SparsePOPError
-            If nothing has the name; of the kind that the registry was made with.
+            If nothing has the name, or nothing is at the place that was registered; of the kind
+            that the registry was made with.
         """
         if name not in self._entries:
             known = ", ".join(self._entries)
             raise self._error(f"{self.kind}: found {name!r}, expected one of {known}")
         entry = self._entries[name]
         if isinstance(entry, str):
-            module, _, attribute = entry.partition(":")
-            entry = self._entries[name] = getattr(import_module(module), attribute)
+            entry = self._entries[name] = self._loaded(name, entry)
         return entry
+
+    def _loaded(self, name: str, place: str) -> Entry:
+        module, _, attribute = place.partition(":")
+        try:
+            entry: Entry = getattr(import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            raise self._error(
+                f"{self.kind} {name!r}: found nothing at {place!r}: {error}"
+            ) from error
+        self._check(name, entry)
+        return entry
+
+    def _check(self, name: str, entry: object) -> None:
+        if not (callable(entry) if self._of is None else isinstance(entry, self._of)):
+            expected = "function" if self._of is None else self._of.__name__
+            raise self._error(
+                f"{self.kind} {name!r}: found {type(entry).__name__}, expected a {expected}"
+            )
 
     def register(self, name: str, entry: Entry | str) -> None:
         """Add an entry.
@@ -85,10 +110,18 @@ class Registry(Generic[Entry]):
         Raises
         ------
         SparsePOPError
-            If the name is taken: a registered solver never changes its meaning.
+            If the name is taken: a registered solver never changes its meaning. If it is no
+            name, or the entry is of another kind.
         """
+        if not isinstance(name, str) or not name or not name.startswith(self._prefix):
+            begins = f" that begins with {self._prefix!r}" if self._prefix else ""
+            raise self._error(f"{self.kind}: found {name!r}, expected a name{begins}")
         if name in self._entries:
             raise self._error(f"{self.kind}: {name!r} is registered already")
+        if not isinstance(entry, str):
+            self._check(name, entry)
+        elif not all(entry.partition(":")):
+            raise self._error(f"{self.kind} {name!r}: found {entry!r}, expected 'module:attribute'")
         self._entries[name] = entry
 
     def unregister(self, name: str) -> None:

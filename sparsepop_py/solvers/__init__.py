@@ -211,5 +211,6 @@ def solve_conic(
     if time_limit is not None and least_seconds(program.cones.psd, solver) > time_limit:
         return _not_begun(program, solver)
     found = _solver(solver)(program, settings)
+    check_kind(found, ConicSolution, f"what the solver {solver!r} returned")
     spend(found.iterations * _iteration_work(program))
     return replace(found, wall=time.perf_counter() - start)

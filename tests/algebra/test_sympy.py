@@ -139,3 +139,15 @@ def test_the_value_of_a_converted_polynomial_is_that_of_the_expression():
     f = Problem(expression).objective
     for a, b in [(1, 2), (-3, 5), (7, -2)]:
         assert Fraction(f([a, b])) == Fraction(int(expression.subs({A: a, B: b})))
+
+
+def test_relations_are_no_objectives_and_integer_symbols_are_refused():
+    """sympy makes the polynomial a - b of the equation a = b."""
+    a, b = sympy.symbols("a b")
+    for objective in (sympy.Eq(a, b), a <= b):
+        with pytest.raises(ProblemError, match="objective: found .*, expected a polynomial"):
+            Problem(objective)
+    k = sympy.Symbol("k", integer=True)
+    for objective, rows in ((k**2 + a, []), (a, [k >= a])):
+        with pytest.raises(ProblemError, match="found the integer symbols k, expected real"):
+            Problem(objective, rows)
