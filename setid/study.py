@@ -20,7 +20,7 @@ from setid.priors.base import Prior
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
-from sparsepop_py.study.content import dump, load
+from sparsepop_py.study.content import dump, fingerprint, load
 from sparsepop_py.study.problems import repeatable
 from sparsepop_py.study.study import BaseStudy, Tags, Work
 
@@ -78,6 +78,12 @@ def _verified(found: Any, place: str) -> Identification:
     return found
 
 
+def _belongs(result: Identification, given: tuple[Any, ...]) -> bool:
+    """Compare record, structure and noise with those of the task."""
+    about = result.formulation
+    return fingerprint((about.data, about.model, about.noise)) == fingerprint(tuple(given[:3]))
+
+
 def _certificate(result: Identification) -> str:
     return json.dumps(certificate_files(result), allow_nan=False)
 
@@ -125,6 +131,7 @@ class Study(BaseStudy):
         _read,
         _certificate,
         ("parameter", "status", "outer_low", "outer_high", "inner_low", "inner_high"),
+        _belongs,
     )
 
     def add(

@@ -78,6 +78,11 @@ def _read(content: bytes, place: str, trusted: tuple[str, ...]) -> Result:
     return found
 
 
+def _belongs(result: Result, given: tuple[Any, ...]) -> bool:
+    problem = given[0]
+    return isinstance(problem, Problem) and result.problem.fingerprint == problem.fingerprint
+
+
 class Study(BaseStudy):
     """Many polynomial problems in one file, solved once each, whatever happens on the way.
 
@@ -122,6 +127,7 @@ class Study(BaseStudy):
         _read,
         to_json,
         ("sense", "status", "lower_bound", "upper_bound", "gap"),
+        _belongs,
     )
 
     def add(

@@ -265,6 +265,17 @@ class Store:
             row = db.execute("SELECT content FROM tasks WHERE id = ?", (task,)).fetchone()
         return _blob(row[0])
 
+    def given(self, name: str) -> bytes:
+        """Read the input of the task of a name, which exists.
+
+        Parameters
+        ----------
+        name : str
+        """
+        with _translated(self.path), closing(self._open("rw")) as db:
+            row = db.execute("SELECT content FROM tasks WHERE name = ?", (name,)).fetchone()
+        return _blob(row[0])
+
     # ---- outcomes ---------------------------------------------------------------------------
 
     def begin(self) -> None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from sparsepop_py.errors import OutputError, ProblemError
+from sparsepop_py.errors import FormatError, OutputError, ProblemError
 from sparsepop_py.executors.dispatch import Done, completed, opened
 from sparsepop_py.files import as_path, write_text
 from sparsepop_py.progress import Line
@@ -50,6 +50,8 @@ class Work:
         From a result to the JSON text that ``checker/check.py`` reads.
     columns : tuple of str
         Of the table, after the name and the tags.
+    belongs : callable
+        Whether a result is about the input of a task, both given.
     """
 
     kind: str
@@ -59,6 +61,7 @@ class Work:
     read: Callable[[bytes, str, tuple[str, ...]], Any]
     certificate: Callable[[Any], str]
     columns: tuple[str, ...]
+    belongs: Callable[[Any, tuple[Any, ...]], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,15 +305,20 @@ class BaseStudy:
         ProblemError
             If there is no such task, it has no result yet, it failed, or its proofs do not hold.
         FormatError
-            If what was stored is damaged.
+            If what was stored is damaged, or belongs to another task.
         """
         outcome = self._store.outcome(name)
         if outcome is None:
             raise ProblemError(f"name: found {name!r}, which has no result yet; run the study")
         if outcome.state != "done":
-            message = json.loads(outcome.rows)[0]["message"]
+            message = json.loads(outcome.rows)[0].get("message")
             raise ProblemError(f"name: found {name!r}, which failed: {message}")
-        return self.work.read(outcome.content, f"{self.path}: result of {name!r}", self._trusted)
+        place = f"{self.path}: result of {name!r}"
+        found = self.work.read(outcome.content, place, self._trusted)
+        given = load(self._store.given(name), f"{self.path}: task {name!r}", self._trusted)
+        if not self.work.belongs(found, given):
+            raise FormatError(f"{place}: found that of another task")
+        return found
 
     def export(self, path: str | Path) -> None:
         """Write the table to a ``.csv`` or ``.json`` file, whole or not at all.

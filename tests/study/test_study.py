@@ -12,8 +12,10 @@ import sys
 import time
 import zlib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -553,3 +555,28 @@ def test_other_models_are_refused_before_they_are_stored(
     with pytest.raises(setid.SetidError, match=message):
         study.add("wrong", data, model, setid.Noise(equation=0.5))  # type: ignore[arg-type]
     assert len(study.table()) == 0
+
+
+@pytest.mark.parametrize("kind", ["problems", "records"])
+def test_results_of_other_tasks_are_refused(tmp_path: Path, kind: str) -> None:
+    """Both results hold by themselves, but each about its own task."""
+    path = tmp_path / "two.study"
+    study: Any
+    if kind == "problems":
+        x = sp.variables(1)[0]
+        study = sp.Study(path)
+        for low in (1.0, 2.0):
+            study.add(f"task {low}", sp.Problem(x, lower=low, upper=3.0))
+    else:
+        data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        study = setid.Study(path)
+        for bound in (1.0, 2.0):
+            noise = setid.Noise(equation=bound)
+            study.add(f"task {bound}", data, setid.TransferFunction(1, 1), noise)
+    study.run()
+    with closing(sqlite3.connect(path)) as db, db:
+        (other,) = db.execute("SELECT content FROM outcomes WHERE task = 2").fetchone()
+        db.execute("UPDATE outcomes SET content = ? WHERE task = 1", (other,))
+    assert study.result("task 2.0").status in ("OPTIMAL", "certified")
+    with pytest.raises(sp.FormatError, match="result of 'task 1.0': found that of another task"):
+        study.result("task 1.0")
