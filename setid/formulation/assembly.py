@@ -213,6 +213,8 @@ def _facts(model: Structure, priors: Sequence[Prior]) -> Facts:
                     f"{prior.describe()}: found {name!r}, expected one of "
                     f"{', '.join(model.parameters)}"
                 )
+            if low != low or high != high:
+                raise PriorError(f"{prior.describe()}: found [{low}, {high}] for {name}: no number")
             before = found.get(name, (-inf, inf))
             found[name] = (max(before[0], low), min(before[1], high))
             if found[name][0] > found[name][1]:

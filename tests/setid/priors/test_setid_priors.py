@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from prior_cases import admits, reflections_to_coefficients
 
 import setid
 import sparsepop_py as sp
+from setid.priors.base import Plain
 from setid.priors.stability import step_down
 
 NOISE = setid.Noise(output=1e3)
@@ -304,3 +306,17 @@ def test_the_assumptions_say_what_was_rounded(prior: setid.PoleIn | setid.DCGain
     assert len(said) == 1 and said[0].startswith(f"prior {prior.describe()}: ")
     exact, _ = prepared(2, 1, [setid.PoleIn(0.25, 0.25), setid.Stable(0.25)])
     assert not any("rounded" in text for text in exact.assumptions)
+
+
+@pytest.mark.parametrize("ends", [(float("nan"), 0.3), (0.1, float("nan"))])
+def test_bounds_of_a_prior_are_numbers(ends: tuple[float, float]) -> None:
+    """max(-inf, nan) is -inf in Python: such an end would be no bound."""
+
+    class Own(Plain):
+        def bounds(self, model: Any) -> dict[str, tuple[float, float]]:
+            return {"b0": ends}
+
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    model = setid.TransferFunction(1, 1)
+    with pytest.raises(setid.PriorError, match="nan.* for b0: no number"):
+        setid.identify(data, model, setid.Noise(equation=0.5), [Own()])
