@@ -261,7 +261,8 @@ def constraint(found: Any, n: int, place: str) -> Constraint:
     made = Constraint(got.kind, got.polynomial, got.entries)
     matrix = made.kind in ("SECOND_ORDER", "PSD")
     triangle = made.kind != "PSD" or len(got.entries) == made.side * (made.side + 1) // 2
-    if made.kind not in KINDS or matrix != (made.side > 1) or not triangle:
+    sized = made.side > 1 if matrix else not got.entries
+    if made.kind not in KINDS or not sized or not triangle:
         raise Malformed(f"{place}: kind {made.kind!r:.20} with {len(got.entries)} entries")
     return made
 

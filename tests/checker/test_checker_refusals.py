@@ -105,6 +105,18 @@ FORBIDDEN = {
         ],
     ),
     "one bound for all variables": (("problem", "lower"), array("f8", [], [-2.0])),
+    "an entry of an equality": (
+        ("problem", "constraints", 0),
+        lambda row: {**row, "entries": [row["polynomial"]]},
+    ),
+    "an entry of an inequality": (
+        ("problem", "constraints", 1),
+        lambda row: {**row, "entries": [row["polynomial"]]},
+    ),
+    "a matrix of one entry": (
+        ("problem", "constraints", 1),
+        lambda row: {**row, "kind": "PSD", "entries": [row["polynomial"]]},
+    ),
     "a word that stands twice": (
         ("problem", "objective"),
         {
