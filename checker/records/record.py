@@ -70,6 +70,7 @@ class Identification:
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
         self.loose = False  # whether they allow more than that
+        self.left_out = 0  # equations without a row, as a sample is missing
         self.empty = False  # whether no parameters explain the record
         self.ranges: dict[tuple[str, int, int], tuple[Any, Any]] = {}  # of missing samples
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
@@ -197,12 +198,19 @@ class Identification:
         return f"{' + '.join(parts) or '0'} {'==' if c.equality else '>='} 0"
 
     def _wanted(self) -> list[tuple[str, int]]:
-        """All equations and samples that a row is possible for."""
+        """All equations and samples that a row is possible for; count those with missing samples.
+
+        What is attained need not satisfy an equation that has no row.
+        """
         assert self.structure is not None
-        zero = self.structure.zero
-        terms = {name: self.structure.equation(name) for name in self.structure.equations}
-        every = [(name, k) for name in terms for k in range(self.record.samples)]
-        return [(name, k) for name, k in every if self.record.possible(terms[name], k, zero)]
+        zero, found = self.structure.zero, list[tuple[str, int]]()
+        for name in self.structure.equations:
+            terms = self.structure.equation(name)
+            inside = [k for k in range(self.record.samples) if self.record.within(terms, k, zero)]
+            possible = [(name, k) for k in inside if self.record.possible(terms, k)]
+            self.left_out += len(inside) - len(possible)
+            found += possible
+        return found
 
     def _row(self, name: str, k: int) -> tuple[Terms, Fraction]:
         """The polynomial of an equation at a sample, and how large it may be in size."""
@@ -424,11 +432,20 @@ class Identification:
         for output in sorted(self.stable):
             lines.append(f"given: the poles of output {output} lie in the closed unit disc")
         lines += [f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions]
+        lines += self._of_rows()
+        return lines + [f"taken as given: {what}" for what in self.taken]
+
+    def _of_rows(self) -> list[str]:
+        """Where rows say less than the record does, for people."""
+        lines = []
+        if self.left_out:
+            count = f"{self.left_out} equation{'s' * (self.left_out > 1)} with missing samples"
+            lines.append(f"left out: {count}, which ends that are attained need not satisfy")
         if self.loose:
             lines.append("rows of equation errors allow more than the noise: no end is attained")
         elif self.rounded:
             lines.append("rows of equation errors are rounded outwards, by less than a last bit")
-        return lines + [f"taken as given: {what}" for what in self.taken]
+        return lines
 
     def _others_given(self) -> list[str]:
         """Bounds that a file gives of unknown samples, and of unknowns that priors bring."""

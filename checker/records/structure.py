@@ -238,15 +238,15 @@ class Record:
                 raise Malformed("variables: a sample that is not known has no unknown")
         return found
 
-    def possible(self, terms: list[Term], k: int, zero: bool) -> bool:
-        """Check whether all samples of a row exist: known, unknown or with a range."""
+    def within(self, terms: list[Term], k: int, zero: bool) -> bool:
+        """Check whether a row reaches no further back than the record, or begins at rest."""
+        return zero or all(k - t.lag >= self.first(k) for t in terms if t.signal)
+
+    def possible(self, terms: list[Term], k: int) -> bool:
+        """Check whether no sample of a row is missing without an unknown and a range."""
         for term in terms:
             place = k - term.lag
-            if not term.signal or term.signal[0] == "z":
-                continue
-            if place < self.first(k):
-                if not zero:
-                    return False
+            if not term.signal or term.signal[0] == "z" or place < self.first(k):
                 continue
             sample = self.sample(term.signal, place)
             if sample.sign == 1 and not sample.letter and not self.ranged(term.signal):

@@ -237,6 +237,22 @@ def test_two_unknowns_of_one_name_are_malformed(tmp_path, capsys) -> None:
 
 
 @pytest.mark.parametrize("missing", [True, False])
+def test_equations_without_rows_are_counted(missing, tmp_path, capsys) -> None:
+    """y = 1, ?, 1 at rest in the input is a1 = 1 or -1; the file attains 0 without these rows."""
+    about = problem(2, [], [-2.0, "-inf"], [2.0, "inf"])
+    none = array([], "i8")
+    point = {"x": array([0.0, 1.0]), "value": "inf", "radius": 0.0, "proof": "exact"}
+    ends = [{"certificate": None, "attained": point | {"rows": none, "solved": none}}]
+    claims = [interval("a1", -2.0, 2.0, [0.0, 0.0]), interval("b1", "-inf", "inf", [1.0, 1.0])]
+    given = [[-2.0, "-inf"], [2.0, "inf"]]
+    body = stated(first_order(), ["a1", "b1"], about, ends=ends, intervals=claims, given=given)
+    known = record([0.0] * 3, [1.0, None if missing else -1.0, 1.0], 0.0)
+    code, text = checked(tmp_path, known | body, capsys)
+    line = "left out: 2 equations with missing samples, which ends that are attained need not"
+    assert code == 0 and (line in text) == ("attained from 0.0" in text) == missing
+
+
+@pytest.mark.parametrize("missing", [True, False])
 def test_ranges_of_missing_samples_are_printed(missing, tmp_path, capsys) -> None:
     about = problem(1, [], ["-inf"], ["inf"])
     shape = first_order(na=[[0]], nk=[[0]], form="auto")
