@@ -25,6 +25,8 @@ USAGE = """usage: check.py problem.json certificate.json     (the problem also a
 
 exit codes: 0 proved; 1 not proved; 2 malformed; 3 proved but for what is taken as given"""
 
+UNEXPECTED = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
+
 
 def main(arguments: list[str]) -> int:
     """Check the files; print what is proved, or where and why it fails."""
@@ -36,14 +38,7 @@ def main(arguments: list[str]) -> int:
         return told(f"NOT PROVED  {error}", 1)
     except Malformed as error:
         return told(f"MALFORMED  {error}", 2)
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as e:
+    except UNEXPECTED as e:
         return told(f"MALFORMED  something that nobody expected: {e!r:.200}", 2)
     given = any(line.startswith("taken as given") for line in lines)
     return told("\n".join(lines), 3 if given else 0)

@@ -13,6 +13,7 @@ claim - f >= 0 helps with it.
 
 from __future__ import annotations
 
+import re
 import sys
 from fractions import Fraction
 from math import gcd, lcm
@@ -27,9 +28,9 @@ from checker.arithmetic.polynomial import INF, Polynomial, Word, dyadic, powers 
 from checker.certificates.certificate import Certificates, Part  # noqa: E402
 from checker.certificates.identity import Group, Identity, LinearDual  # noqa: E402
 from checker.certificates.propagation import Box, Row, Rows  # noqa: E402
-from checker.command import problem_of  # noqa: E402
+from checker.command import UNEXPECTED, problem_of  # noqa: E402
 from checker.files import reading  # noqa: E402
-from checker.files.reading import Malformed, Problem  # noqa: E402
+from checker.files.reading import Malformed, Problem, below  # noqa: E402
 
 Ends = list[tuple[int | None, int | None]]  # of X; None is infinite
 ROUNDS = 60  # sweeps over all rows at a node
@@ -368,12 +369,14 @@ class Exporter:
     def _generator(self, k: int, argument: Any) -> tuple[str, int] | None:
         """A generator as a Coq term and its power of two; None where it is zero."""
         count, n = len(self.rows), self.problem.dimension
+        given = argument if isinstance(argument, Identity) else argument.given
+        products = given.products
+        below([k], count + 1 + 3 * n + len(products), "a generator")
         if k == 0:
             return "One", 0
         if k <= count:
             return f"(Row {k - 1}%nat)", self.powers[k - 1]
         if k > count + 3 * n:
-            products = getattr(argument, "products", None) or argument.given.products
             pair = [self._generator(j, argument) for j in products[k - 1 - count - 3 * n]]
             if pair[0] is None or pair[1] is None:
                 return None
@@ -471,6 +474,21 @@ def readable(p: Polynomial, names: list[str]) -> str:
     return " + ".join(parts) or "0"
 
 
+def remarks(problem: Problem) -> str:
+    """Tell as comments which variable of the problem is which of the theorem, and its sense.
+
+    Names that could end a comment are left out.
+    """
+    pairs = [(f"x{v}", name) for v, name in enumerate(problem.names, 1)]
+    plain = [
+        (x, name) for x, name in pairs if x != name and re.fullmatch(r"[\w.,\[\]]+", name, re.A)
+    ]
+    lines = [f"(* {x} is {name} of the problem *)" for x, name in plain]
+    if problem.sense == "max":
+        lines.append("(* the objective is the negative of what is maximised *)")
+    return "".join(f"{line}\n" for line in lines)
+
+
 def statement(problem: Problem, claim: Fraction | None) -> tuple[str, int]:
     """Write the theorem in words that people read; count its hypotheses."""
     names = [f"x{v + 1}" for v in range(problem.dimension)]
@@ -507,7 +525,7 @@ Lemma checked :
   $check = true.
 Proof. vm_cast_no_check (eq_refl true). Qed.
 
-Theorem proved : $goal.
+${remarks}Theorem proved : $goal.
 Proof.
   intros $names $hypotheses.
   pose (X := fun v : positive => match v with $cases | _ => 0 end).
@@ -568,6 +586,7 @@ def coq(problem: Problem, certificates: Certificates) -> str:
         forms=forms,
         tree=tree,
         check=CHECKS[made.empty],
+        remarks=remarks(problem),
         goal=goal,
         names=" ".join(f"x{v}" for v in letters),
         hypotheses=" ".join(f"H{k}" for k in range(count)),
@@ -599,7 +618,7 @@ def exponent(problem: Problem, certificates: Certificates) -> int:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the Coq file of a certificate; 1 where it is not covered, 2 for a wrong call."""
+    """Write the Coq file of a certificate; 1 where it is not covered, 2 where it is not written."""
     if len(arguments) != 3:
         sys.stderr.write("python checker/coq.py problem.json certificate.json proof.v\n")
         return 2
@@ -611,7 +630,14 @@ def main(arguments: list[str]) -> int:
     except (NotCovered, Malformed) as error:
         sys.stdout.write(f"{type(error).__name__}: {error}\n")
         return 1
-    Path(arguments[2]).write_text(text, encoding="utf-8")
+    except UNEXPECTED as error:
+        sys.stdout.write(f"Malformed: something that nobody expected: {error!r:.200}\n")
+        return 1
+    try:
+        Path(arguments[2]).write_text(text, encoding="utf-8")
+    except OSError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
     return 0
 
 

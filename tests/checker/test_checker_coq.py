@@ -128,6 +128,33 @@ def test_a_call_without_all_files_says_what_is_expected(capsys):
     assert "problem.json certificate.json proof.v" in capsys.readouterr().err
 
 
+def test_the_text_says_which_variable_is_which_and_no_name_ends_a_comment():
+    """The x2 of the theorem is another variable than that of the problem."""
+    problem = sp.parse("max x3 - x2^2; s.t. x2*x3 >= 0.1; 0 <= x2 <= 1; 0 <= x3 <= 1")
+    found = result_of(sp.to_json(sp.solve(problem)))
+    assert found["problem"]["names"] == ["x2", "x3"]
+    text = text_of(found)
+    remarks = text[: text.index("Theorem proved")].splitlines()[-3:]  # beside the theorem
+    assert remarks[:2] == ["(* x1 is x2 of the problem *)", "(* x2 is x3 of the problem *)"]
+    assert "negative of what is maximised" in remarks[2]
+    found["problem"]["names"] = ["*) Axiom bad : False. (*", 'a"']
+    assert " bad " not in text_of(found) and 'a"' not in text_of(found)
+
+
+def test_bad_files_and_folders_are_no_traceback(tmp_path, capsys):
+    found = result_of(solved("known", 6)["circle"])
+    path = tmp_path / "result.json"
+    file = {"format": "sparsepop-py", "version": 6, "is": "result", "result": found}
+    path.write_text(json.dumps(file))
+    assert coq.main([str(path), str(path), str(tmp_path / "none" / "proof.v")]) == 2
+    assert "none" in capsys.readouterr().err
+    group = found["certificate"][-1]["parts"][0]["argument"]["multipliers"][0]
+    group["generator"]["data"][0] = 99
+    path.write_text(json.dumps(file))
+    assert coq.main([str(path), str(path), str(tmp_path / "proof.v")]) == 1
+    assert capsys.readouterr().out.startswith("Malformed: a generator")
+
+
 def test_what_is_not_covered_is_said():
     for group, name in (("chains", "chained_singular-8-expanded"), ("matrices", "1")):
         text = solved(group, FEW[group]).get(name)
