@@ -6,6 +6,7 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
+from ..arithmetic import interval as iv
 from ..arithmetic.polynomial import INF
 from ..certificates.certificate import Certificates
 from ..certificates.point import ProvedPoint, infeasible
@@ -292,8 +293,9 @@ class Identification:
         if (letter, channel, k) not in self.ranges:
             known = self.record.range(letter, channel - 1) or (-INF, INF)
             implied = self._implied(channel, k) if letter == "y" else (-INF, INF)
-            ends = max(known[0], implied[0]), min(known[1], implied[1])
-            self.ranges[letter, channel, k] = ends
+            low, high = max(known[0], implied[0]), min(known[1], implied[1])
+            # rounded outwards: exact ends are longer from sample to sample
+            self.ranges[letter, channel, k] = iv.exact(iv.below(low)), iv.exact(iv.above(high))
         return self.ranges[letter, channel, k]
 
     def _implied(self, channel: int, k: int) -> tuple[Any, Any]:

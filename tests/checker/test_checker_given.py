@@ -252,6 +252,22 @@ def test_equations_without_rows_are_counted(missing, tmp_path, capsys) -> None:
     assert code == 0 and (line in text) == ("attained from 0.0" in text) == missing
 
 
+def test_ranges_of_many_missing_samples_are_rounded_outwards_and_short() -> None:
+    """y(k + 1) = -a1 y(k) + b1 u(k): with a1 in [-0.9, -0.3], b1 in [0.1, 2] and u = 1/3 > 0."""
+    samples, u = 400, Fraction(1 / 3)
+    known = record([1 / 3] * samples, [1.0] + [None] * (samples - 1), 0.0)
+    given = [[-0.9, 0.1], [-0.3, 2.0]]
+    body = stated(first_order(), ["a1", "b1"], problem(2, [], *given), given=given)
+    about = Identification(known | body)
+    low = high = Fraction(1)
+    for k in range(1, samples):
+        low, high = Fraction(0.3) * low + Fraction(0.1) * u, Fraction(0.9) * high + 2 * u
+        ends = about._known("y", 1, k)
+        assert ends[0] <= low and high <= ends[1]
+        assert max(low - ends[0], ends[1] - high) < Fraction(1, 2**1000)
+        assert max(end.denominator.bit_length() for end in ends) < 1200
+
+
 @pytest.mark.parametrize("missing", [True, False])
 def test_ranges_of_missing_samples_are_printed(missing, tmp_path, capsys) -> None:
     about = problem(1, [], ["-inf"], ["inf"])
