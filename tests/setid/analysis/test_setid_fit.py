@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from scipy.signal import lfilter
 
 import setid
 import sparsepop_py as sp
-from setid.analysis import equation_fit
+from setid.analysis import equation_fit, output_fit
 from setid.feasible_set.start import find_box
 from setid.proofs.cells.output_cells import CellBox, cell_box
 from setid.proofs.least_noise.least_error import Norm, OutputErrors, stated, verify_output
 from setid.proofs.parameter_box import start_of
-from sparsepop_py.budget import LimitReached
+from sparsepop_py import budget
+from sparsepop_py.budget import LimitReached, check
 
 RECORD = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
 QUICK = setid.Options(time_limit=10.0, progress=False)
@@ -340,3 +342,29 @@ def test_settings_of_the_engine_reach_it(monkeypatch: pytest.MonkeyPatch) -> Non
     setid.fit(setid.IOData(u, y), setid.TransferFunction(0, 2), "linf", options=options)
     assert asked and {(each.seed, each.skip) for each in asked} == {(7, ("quote",))}
     assert all(each.time_limit <= 5.0 and each.cpu_limit == 9.0 for each in asked)
+
+
+@pytest.mark.parametrize("proof", ["proved_point", "verify_output"])
+def test_proofs_of_attained_errors_end_with_the_time(
+    monkeypatch: pytest.MonkeyPatch, proof: str
+) -> None:
+    """Where a proof takes twice the limit, the error is what a simulation has, and no more."""
+    passed, asked = [0.0], [0]
+    clock, prove = time.monotonic, getattr(output_fit, proof)
+
+    def slow(*arguments: object) -> object:
+        asked[0] += 1
+        passed[0] += 2.0 * limit
+        check()  # as proofs do on their way
+        return prove(*arguments)
+
+    limit = 1000.0
+    monkeypatch.setattr(output_fit, proof, slow)
+    monkeypatch.setattr(budget.time, "monotonic", lambda: clock() + passed[0])
+    u, y = np.random.default_rng(8).uniform(-1.0, 1.0, (2, 12))
+    data, model = setid.IOData(u, y), setid.TransferFunction(1, 1, 1)
+    options = setid.Options(time_limit=limit, progress=False)
+    found = setid.fit(data, model, "l2", options=options)
+    assert asked[0] >= 1 and not found.attained
+    assert found.lower_bound <= np.linalg.norm(y - found.outputs[:, 0]) <= found.error * (1 + 1e-9)
+    assert bool(found.verify())
