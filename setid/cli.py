@@ -76,6 +76,7 @@ _CODES = """exit codes:
   3  software is missing (the message says what to install)
   4  it is proved that no parameter is consistent with the data: order or bounds are wrong
   5  an output cannot be written (what was found is printed before)
+  130  Ctrl-C came where nothing is kept: before the work, at its end, or twice
 
 columns: by name from the first line, or by number from 0. Without --input and --output
 the columns u and y are taken, or 0 and 1 in a file without names.

@@ -48,6 +48,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = [
     "EXIT_INPUT",
+    "EXIT_INTERRUPT",
     "EXIT_MISSING",
     "EXIT_OPEN",
     "EXIT_OUTPUT",
@@ -68,6 +69,7 @@ EXIT_OPEN = 1
 EXIT_INPUT = 2
 EXIT_MISSING = 3
 EXIT_OUTPUT = 5
+EXIT_INTERRUPT = 130  # as shells count a process that ended by SIGINT
 EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
 _READER_GONE = ContextVar("reader_gone", default=False)  # of the standard output
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # of a standard output
@@ -78,6 +80,7 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
   3  software is missing (the message says what to install)
   5  an output cannot be written (what was found is printed before)
+  130  Ctrl-C came where nothing is kept: before the work, at its end, or twice
 """
 AnyResult = Result | RationalResult
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE, Status.UNBOUNDED)
@@ -121,7 +124,8 @@ def run_commands(
     argv : sequence of str or None
         Those of the process for None.
     wrong_input : tuple of exception types
-        What ends with code 2 and its message; missing software ends with code 3.
+        What ends with code 2 and its message; missing software ends with code 3, an interrupt
+        that the command does not take with code 130.
 
     Returns
     -------
@@ -157,6 +161,9 @@ def run_commands(
     except SolverNotFound as error:
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_MISSING
+    except KeyboardInterrupt:  # where work is under way, it ends that and what is proved is kept
+        print(f"{program}: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPT
 
 
 def _discard_output() -> None:

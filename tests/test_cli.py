@@ -17,6 +17,7 @@ import sparsepop_py as sp
 from sparsepop_py import plots
 from sparsepop_py.cli import (
     EXIT_INPUT,
+    EXIT_INTERRUPT,
     EXIT_MISSING,
     EXIT_OPEN,
     EXIT_OUTPUT,
@@ -72,6 +73,23 @@ def run(folder: pathlib.Path, command: str, name: str, *options: str) -> int:
 )
 def test_exit_codes(folder: pathlib.Path, name: str, options: list[str], code: int) -> None:
     assert run(folder, "solve", name, *options) == code
+
+
+@pytest.mark.parametrize("place", ["read", "solve"])
+def test_an_interrupt_outside_of_the_work_is_said_in_a_line(
+    folder: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    place: str,
+) -> None:
+    """No traceback, and the code by which shells know a process that Ctrl-C ended."""
+
+    def interrupted(*arguments: object, **more: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"sparsepop_py.cli.{place}", interrupted)
+    assert run(folder, "solve", "closed") == EXIT_INTERRUPT == 128 + 2
+    assert capsys.readouterr() == ("", "sparsepop: interrupted\n")
 
 
 @pytest.mark.parametrize(
