@@ -40,6 +40,7 @@ from setid.control.parameters.parameter_set import (
 from setid.control.references import gain_of_one, with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
 from setid.data.digits import all_digits
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -419,16 +420,20 @@ class Question:
         """Look for a consistent plant that the controller does not stabilise."""
         if found is not None and found.empty:
             return None
-        return unstable_plant(
-            self.data,
-            self.model,
-            self.noise,
-            self.controller,
-            found,
-            self.integrators,
-            self.margin,
-            until,
-        )
+        try:
+            with Deadline(until - time.monotonic()).kept(0.0):  # linear programs look at it
+                return unstable_plant(
+                    self.data,
+                    self.model,
+                    self.noise,
+                    self.controller,
+                    found,
+                    self.integrators,
+                    self.margin,
+                    until,
+                )
+        except LimitReached:
+            return None
 
     def known(self, until: float = inf) -> ParameterSet | None:
         """Enclose all consistent plants in a polytope, by sums of rows."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,11 @@ import pytest
 
 import setid
 from setid import control
+from setid.control.certificates import certificate
+from setid.control.certificates.cells import Outcome
+from setid.control.parameters import sums
 from setid.control.references import stabilises
+from sparsepop_py import budget
 
 # Printed in the course notes, section 6.3.4
 P = control.Transfer([0, 0.09516, 0.02, 0.05, -0.04], [1, -0.9048, 0.2, -0.5, 0.4])
@@ -139,6 +144,29 @@ def test_an_unstable_loop_is_refuted_with_a_consistent_plant(method: str) -> Non
     formulation = setid.formulate(data, found.model, setid.Noise(output=bound))
     theta = [*found.plant.den[1:], *found.plant.num[1:]]
     assert setid.least_noise(formulation, theta).level <= 1.0 + 1e-9
+
+
+def test_a_search_for_unstable_plants_ends_with_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each linear program takes ten times the limit: one is begun, and the verdict is open."""
+    clock, passed, asked, limit = time.monotonic, [0.0], [0], 1000.0
+
+    def slow(*arguments: object) -> object:
+        asked[0] += 1
+        passed[0] += 10.0 * limit
+        budget.check()  # as programs do that are stopped
+        return solve(*arguments)
+
+    solve = sums.solve_scaled
+    monkeypatch.setattr(sums, "solve_scaled", slow)
+    unproved = Outcome(False, (), (), 0)
+    monkeypatch.setattr(certificate, "prove_over_cells", lambda *arguments: unproved)
+    monkeypatch.setattr(budget.time, "monotonic", lambda: clock() + passed[0])
+    data, bound = experiment(60.0)
+    strong = control.Transfer([20 * c for c in K.numerator], K.denominator)
+    found = control.stability_certificate(
+        data, strong, M, 4, bound, method="characteristic", delay=1, time_limit=limit
+    )
+    assert asked[0] == 1 and found.verdict == "open" and found.plant is None
 
 
 @pytest.mark.parametrize("seed", range(12))
