@@ -30,7 +30,6 @@ from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
-from setid.serve.server import serve
 from setid.study import Study
 from setid.verify_command import add_verify, part_of
 from sparsepop_py.cli import (
@@ -152,6 +151,8 @@ def _add_serve(commands: Any) -> None:
 
 
 def _serve(arguments: argparse.Namespace) -> int:
+    from setid.serve.server import serve  # loads what no other command needs
+
     def announce(address: str) -> None:
         print(f"setid serves {address} (Ctrl-C ends it)", flush=True)
         if not arguments.no_browser:

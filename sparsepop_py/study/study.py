@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -230,22 +230,18 @@ class BaseStudy:
         """
         if isinstance(ahead, bool) or not isinstance(ahead, int) or ahead < 1:
             raise ProblemError(f"ahead: found {ahead!r}, expected an integer >= 1")
-        with opened(workers, executor) as chosen, self._store.writing():
-            self._store.begin()
-            states = ("failed", "lost") if retry else ()
-            tasks = self._store.waiting(states)
-            follower = _Follower(self, len(tasks), Line(progress), on_progress)
-            try:
-                with _interrupts() as interrupt, self._store.recording() as record:
-                    for number, outcome in self._outcomes(tasks, chosen, ahead):
-                        if interrupt.came:
-                            break
-                        record(number, outcome)
-                        follower.note(outcome)
-            except KeyboardInterrupt:
-                pass
-            finally:
-                follower.close()
+        with suppress(KeyboardInterrupt):  # it ends processes of our own with their tasks
+            with opened(workers, executor) as chosen, self._store.writing():
+                self._store.begin()
+                tasks = self._store.waiting(("failed", "lost") if retry else ())
+                follower = _Follower(self, len(tasks), Line(progress), on_progress)
+                with closing(follower), _interrupts() as interrupt:
+                    with self._store.recording() as record:
+                        for number, outcome in self._outcomes(tasks, chosen, ahead):
+                            if interrupt.came:
+                                raise KeyboardInterrupt
+                            record(number, outcome)
+                            follower.note(outcome)
         return self.status()
 
     def _outcomes(

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 import zlib
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +24,8 @@ import sparsepop_py as sp
 from setid.result.json_ import to_json
 from sparsepop_py.cli import main
 from sparsepop_py.errors import FormatError, OutputError, ProblemError
+from sparsepop_py.executors import dispatch
+from sparsepop_py.executors.processes import Processes
 from sparsepop_py.study.content import dump, fingerprint, load
 
 # minimise x^2 - 2 c x on [0, 20]: -c^2, where x = c
@@ -210,6 +212,32 @@ def test_an_interrupt_stores_nothing_of_the_task_at_work(
     assert study.table()[1]["status"] == "waiting"
     assert study.table()[1]["lower_bound"] is None
     assert study.run().finished
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_an_interrupt_ends_the_processes_of_a_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tasks that are at work are not waited for."""
+    stopped = []
+
+    class Hanging(Processes):
+        def submit(self, fn: Any, /, *given: Any, **named: Any) -> Future[Any]:
+            os.kill(os.getpid(), signal.SIGINT)
+            return Future()
+
+        def stop(self) -> None:
+            stopped.append(True)
+            super().stop()
+
+    study = squares(tmp_path / "squares.study", (1, 2, 3))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(dispatch, "Processes", Hanging)
+    try:
+        status = study.run(workers=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert stopped and status.waiting == 3 and not status.running
 
 
 # ---- one writer ----------------------------------------------------------------------------------
