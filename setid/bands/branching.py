@@ -213,8 +213,8 @@ class _Search:
         return self._found()
 
     def _more(self) -> bool:
-        """Check for time for another cell and for those not enclosed yet."""
-        waiting = sum(not leaf.enclosed for leaf in self.leaves.values())
+        """Check for time for both halves of another cell and for those not enclosed yet."""
+        waiting = 2 + sum(not leaf.enclosed for leaf in self.leaves.values())
         now = time.monotonic() + self.slowest * waiting
         return now < self.effort.until and self.cells < self.effort.cells
 

@@ -38,6 +38,22 @@ def test_cells_that_wait_are_enclosed_in_the_time_that_is_left(
     assert band.report.cells > 3 and 5.0 < clock[0] < 14.0
 
 
+def test_no_cell_is_halved_whose_halves_would_take_too_long(
+    unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Enclosures of four seconds each: after the first one both halves end beyond ten seconds."""
+    clock, enclose = [0.0], Partition.enclose
+
+    def timed(self, *arguments):
+        clock[0] += 4.0
+        return enclose(self, *arguments[:-1], np.inf)
+
+    monkeypatch.setattr(Partition, "enclose", timed)
+    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    unstable.step(30, tolerance=0.01, time_limit=10.0)
+    assert clock[0] <= 10.0
+
+
 def test_bands_end_where_programs_take_long(
     unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
