@@ -19,7 +19,7 @@ from setid.bands.branching import (
     slopes_of,
 )
 from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
-from setid.data.checks import number
+from setid.data.checks import number, seconds_of
 from setid.data.record import IOData
 from setid.errors import EmptySetError, SetidError
 from setid.feasible_points.members import members
@@ -63,8 +63,7 @@ class Accuracy:
     def __post_init__(self) -> None:
         if not number(self.tolerance, "tolerance", SetidError) > 0:
             raise SetidError(f"tolerance: found {self.tolerance!r}, expected a number > 0")
-        if not number(self.time_limit, "time_limit", SetidError) >= 0:
-            raise SetidError(f"time_limit: found {self.time_limit!r}, expected seconds >= 0")
+        seconds_of(self.time_limit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from setid.bands.enclosing import Accuracy, record_bands
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import FrozenMapping, frozen, number, word
+from setid.data.checks import FrozenMapping, frozen, seconds_of, word
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, EmptySetError, ModelError, NoiseError, SetidError
@@ -352,9 +352,7 @@ def predict(
     0
     """
     check_result(result)
-    if not number(time_limit, "time_limit", SetidError) >= 0:
-        raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
-    until = time.monotonic() + time_limit
+    until = time.monotonic() + seconds_of(time_limit)
     record, loud, _ = _record(result, data, noise)
     model = result.formulation.model
     coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
@@ -437,7 +435,7 @@ def compare(
     >>> found.fit.round(1), len(found.band.outside)
     (array([92.2]), 0)
     """
-    begin, limit = time.monotonic(), number(time_limit, "time_limit", SetidError)
+    begin, limit = time.monotonic(), seconds_of(time_limit)
     check_result(result)
     if kind is not None:
         word(kind, "kind", ("proved", "sampled"), SetidError)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.bands.branching import FIRST_SECONDS
 from setid.bands.frequency_arcs import refined_arcs
 from setid.bands.verdicts import Kind
-from setid.data.checks import frozen, natural, number, real_array, word
+from setid.data.checks import frozen, natural, real_array, seconds_of, word
 from setid.errors import SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import parameters_of
@@ -261,7 +261,7 @@ def frequency_band(
     arcs = None
     check_executor(executor)
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
-        seconds = number(time_limit, "time_limit", SetidError)
+        seconds = seconds_of(time_limit)
         until = time.monotonic() + seconds
         late = until + max(seconds, FIRST_SECONDS)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)

@@ -24,6 +24,7 @@ __all__ = [
     "parameters_of",
     "range_of",
     "real_array",
+    "seconds_of",
     "starts_of",
     "switch",
     "without_mask",
@@ -168,6 +169,14 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
         raise error(f"{field}: found {given!r}, expected a number")
     if isinstance(given, (numbers.Integral, np.longdouble)):  # fractions mean the double nearby
         require_doubles(given, field, error)
+    return value
+
+
+def seconds_of(time_limit: Any) -> float:
+    """Check a time limit: seconds, at least 0."""
+    value = number(time_limit, "time_limit", SetidError)
+    if value < 0:
+        raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
     return value
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares as gauss_newton
 from scipy.optimize import nnls
 
-from setid.data.checks import frozen, number, word
+from setid.data.checks import frozen, seconds_of, word
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import NamedVector, least_squares
@@ -117,7 +117,7 @@ def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.
     """
     check_result(result)
     misfit = _misfit(result, goal)
-    begin, limit = time.monotonic(), number(time_limit, "time_limit", SetidError)
+    begin, limit = time.monotonic(), seconds_of(time_limit)
     known = members(result, count=_MIXTURES, time_limit=0.5 * limit)
     theta = min(known, key=lambda t: _size(misfit(t)))
     target = _unconstrained(result, misfit, theta)

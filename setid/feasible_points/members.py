@@ -14,7 +14,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, natural, number
+from setid.data.checks import frozen, natural, seconds_of
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.witness import Witness, least_noise
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -121,7 +121,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
         )
     weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
-    until = time.monotonic() + number(time_limit, "time_limit", SetidError)
+    until = time.monotonic() + seconds_of(time_limit)
     tried = takewhile(lambda _: time.monotonic() < until, mixed)
     keep = [theta for theta in tried if is_member(result.formulation, theta)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])

@@ -20,7 +20,7 @@ from setid.bands.outputs import Mode, compare
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
-from setid.data.checks import number
+from setid.data.checks import seconds_of
 from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
@@ -98,8 +98,7 @@ def report(
     SparsePOPError
         If the page cannot be written there.
     """
-    if not number(time_limit, "time_limit", SetidError) >= 0:
-        raise SetidError(f"time_limit: found {time_limit!r}, expected seconds >= 0")
+    seconds_of(time_limit)
     if validation is not None:
         check_channels(validation, result.formulation.model)
     check_writable(str(as_path(path)), "path")

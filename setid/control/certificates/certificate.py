@@ -39,6 +39,7 @@ from setid.control.parameters.parameter_set import (
 )
 from setid.control.references import gain_of_one, with_unit_gain
 from setid.control.transfer import Transfer, as_transfer, is_schur
+from setid.data.checks import seconds_of
 from setid.data.digits import all_digits
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -288,7 +289,7 @@ def stability_certificate(
     if poles > min(model.na[0][0], 1):
         raise SetidError(f"integrators: found {poles}, expected 0 or 1, at most the plant's order")
     task = Question(data, noise, model, controller, reference, margin, poles, method)
-    return task.run(begin, number(time_limit, "time_limit", SetidError), moved)
+    return task.run(begin, seconds_of(time_limit), moved)
 
 
 def plant_model(order: int | TransferFunction, delay: int = 0) -> TransferFunction:

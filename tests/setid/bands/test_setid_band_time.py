@@ -21,6 +21,19 @@ def unstable() -> setid.Identification:
     return setid.identify(data, model, setid.Noise(equation=1.5))
 
 
+def slow_programs(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Let each linear program take ten seconds, and nothing else any; return the clock."""
+    clock, solved = [0.0], proposer.Proposer._solved
+
+    def slow(self, goal):
+        clock[0] += 10.0
+        return solved(self, goal)
+
+    monkeypatch.setattr(proposer.Proposer, "_solved", slow)
+    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    return clock
+
+
 def test_cells_that_wait_are_enclosed_in_the_time_that_is_left(
     unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -58,14 +71,7 @@ def test_bands_end_where_programs_take_long(
     unstable: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a machine on which each program takes ten seconds, a limit of one second is kept."""
-    clock, solved = [0.0], proposer.Proposer._solved
-
-    def slow(self, goal):
-        clock[0] += 10.0
-        return solved(self, goal)
-
-    monkeypatch.setattr(proposer.Proposer, "_solved", slow)
-    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    clock = slow_programs(monkeypatch)
     unstable.step(30, time_limit=1.0)
     assert 0.0 < clock[0] <= 30.0
     clock[0] = 0.0
@@ -79,6 +85,8 @@ def test_frequency_bands_have_a_time_limit(unstable: setid.Identification, name:
     assert ask([0.1, 1.0], time_limit=0.0).magnitude.shape == (2, 2)
     with pytest.raises(setid.SetidError, match="time_limit: found 'long'"):
         ask([0.1, 1.0], time_limit="long")
+    with pytest.raises(setid.SetidError, match="time_limit: found -1, expected seconds >= 0"):
+        ask([0.1, 1.0], time_limit=-1)
 
 
 def test_predictions_have_a_time_limit(
@@ -86,14 +94,7 @@ def test_predictions_have_a_time_limit(
 ) -> None:
     """What is left when time is over keeps its range over the outer box, which holds the other."""
     whole = unstable.predict()
-    clock, solved = [0.0], proposer.Proposer._solved
-
-    def slow(self, goal):
-        clock[0] += 10.0
-        return solved(self, goal)
-
-    monkeypatch.setattr(proposer.Proposer, "_solved", slow)
-    monkeypatch.setattr(branching.time, "monotonic", lambda: clock[0])
+    clock = slow_programs(monkeypatch)
     for ask in (
         unstable.predict,
         lambda **limit: unstable.compare(mode="prediction", **limit).band,

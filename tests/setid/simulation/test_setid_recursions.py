@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.models.equations import Lagged, Term
+from setid.models.equations import Equation, Lagged, Term, term
 from setid.simulation import recursions
 from setid.simulation.recursions import solve_equations
 from setid.simulation.responses import from_readings, run
@@ -32,9 +32,9 @@ def replayed(equations, theta, signals, first, drives):
         for equation in equations:
             drive = drives.get(equation.defines)
             value = Fraction(0) if drive is None else Fraction(drive[k])
-            for term in equation.explicit:
-                product = weight(term)
-                for s in term.signals:
+            for each in equation.explicit:
+                product = weight(each)
+                for s in each.signals:
                     product *= exact[s.signal][k - s.lag]
                 value -= product
             lead = 1 + sum(weight(term) for term in equation.implicit)
@@ -51,6 +51,8 @@ STRUCTURES = {
     "static map behind": setid.Wiener(LINEAR, 2),
     "feedback through a map": setid.Lure(LINEAR, 2),
     "products": setid.PolynomialNARX(["y1", "y1*y2", "u1*u2"], ny=2, nu=2),
+    "a product with the input alone": setid.PolynomialNARX(["y1*u1", "u1"], ny=1, nu=1),
+    "an implicit equation": setid.ContinuousTransferFunction(2, 1, Ts=0.5),
 }
 
 
@@ -68,6 +70,16 @@ def test_equations_are_solved(name: str, count: int) -> None:
     solve_equations(equations, theta, signals, lag, drives)
     for signal, values in signals.items():
         assert values == pytest.approx([float(v) for v in expected[signal]], abs=1e-13)
+
+
+def test_signals_that_feed_each_other_are_solved_together() -> None:
+    """y1(k) = .5 y2(k-1), y2(k) = y1(k) + 1, from y2 = 2: neither is known before the other."""
+    first = Equation("y1", (term(1.0, "", Lagged("y1")), term(-0.5, "", Lagged("y2", 1))))
+    one = term(1.0, "", Lagged("y2")), term(-1.0, "", Lagged("y1")), term(-1.0, "")
+    signals = {"y1": np.zeros(4), "y2": np.array([2.0, 0.0, 0.0, 0.0])}
+    solve_equations([first, Equation("y2", one)], {}, signals, 1, {})
+    assert signals["y1"].tolist() == [0.0, 1.0, 1.0, 1.0]
+    assert signals["y2"].tolist() == [2.0, 2.0, 2.0, 2.0]
 
 
 def test_records_go_on_from_their_first_readings() -> None:
