@@ -89,6 +89,11 @@ def test_multipliers_prove_nothing_beyond_weak_duality(norm: str) -> None:
         values = source.normal(size=null.shape[0]) @ null
         free = Multipliers(tuple(Fraction(float(v)) for v in values))  # R'lambda is near zero only
         assert equation_bound(rows, norm, free) == 0.0  # type: ignore[arg-type]
+    for column in range(2):  # what cancels one column alone
+        one, two = (Fraction(float(v)) for v in rows.regressors[:2, column])
+        for sign in (1, -1):
+            half = Multipliers((sign * two, -sign * one, *[Fraction(0)] * (rows.target.size - 2)))
+            assert equation_bound(rows, norm, half) == 0.0  # type: ignore[arg-type]
     good = setid.fit(data, MODEL, norm, errors="equation").certificate  # type: ignore[arg-type]
     assert isinstance(good, Multipliers)
     for factor in (Fraction(7, 3), Fraction(1, 10**9), Fraction(-1)):

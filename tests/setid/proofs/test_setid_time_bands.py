@@ -599,6 +599,17 @@ def test_small_ends_of_sequences_are_bounded_together(end: float) -> None:
         assert errors[k] <= Fraction(bounds[k]) <= errors[k] * (1 + Fraction(1, 10**9))
 
 
+def test_leaks_that_are_small_from_the_first_lag_on_add_up() -> None:
+    """e(k) = 2^-109 (e(0) + ... + e(k-1)) behind e(0) = 2: nothing else hides what is lost."""
+    tiny = Fraction(1, 2**110)
+    bounds = enclosures._with_leak(np.eye(1, 5)[0], np.array([0.5, *[float(tiny)] * 4]))
+    errors = [Fraction(2)]
+    for _ in range(4):
+        errors.append(2 * tiny * sum(errors))
+    assert all(e <= Fraction(b) for e, b in zip(errors, bounds.tolist(), strict=True))
+    assert np.all(bounds[1:] < 1e-32)
+
+
 def test_sequences_with_numbers_that_overflowed_bound_nothing() -> None:
     for bad in (np.nan, np.inf):
         left, right = np.array([0.5, bad, 0.0, 0.0]), np.ones(4)
