@@ -37,7 +37,8 @@ def convert(
     """Replace sympy expressions, relations and cones by polynomials and constraints.
 
     The variables are the symbols named in ``names``, or all symbols that occur, in
-    natural order (x2 before x10). What is not symbolic passes unchanged.
+    natural order (x2 before x10). What sympy is told of the sign of a symbol becomes a
+    constraint, after those given. What is not symbolic passes unchanged.
     """
     return _converted(objective, constraints, names, _polynomial)
 
@@ -70,17 +71,42 @@ def _converted(
     symbols = [found.get(label, sympy.Symbol(label)) for label in labels]
     if not symbols:
         raise ProblemError("objective: found no symbol, expected at least one variable")
-    if whole := [label for label, symbol in zip(labels, symbols, strict=True) if symbol.is_integer]:
-        raise ProblemError(
-            f"objective, constraints: found the integer symbols {', '.join(whole)}, expected real "
-            "ones (b with the constraint b**2 == b is binary)"
-        )
+    _check_real(symbols)
     polynomial = read(sympy.sympify(objective), symbols, labels, "objective")
     rows = [
         _constraint(row, symbols, labels, f"constraints[{number}]", read)
         for number, row in enumerate(constraints)
     ]
-    return polynomial, rows
+    return polynomial, rows + _signs(symbols, labels)
+
+
+def _check_real(symbols: list[Any]) -> None:
+    """Refuse symbols that sympy is told to be integers, or not to be real numbers."""
+    whole = [str(symbol) for symbol in symbols if symbol.is_integer]
+    if whole:
+        raise ProblemError(
+            f"objective, constraints: found the integer symbols {', '.join(whole)}, expected real "
+            "ones (b with the constraint b**2 == b is binary)"
+        )
+    others = [str(s) for s in symbols if s.is_commutative and s.is_extended_real is False]
+    if others:
+        raise ProblemError(
+            f"objective, constraints: found the symbols {', '.join(others)}, which are not real, "
+            "expected real ones"
+        )
+
+
+def _signs(symbols: list[Any], labels: list[str]) -> list[Constraint]:
+    """State the signs that symbols were given, as sympy simplifies with them."""
+    rows = []
+    for symbol in symbols:
+        sign = int(bool(symbol.is_nonnegative)) - int(bool(symbol.is_nonpositive))
+        if sign:
+            place = f"symbol {symbol}"
+            rows.append(
+                Constraint(_polynomial(sign * symbol, symbols, labels, place), Kind.NONNEGATIVE)
+            )
+    return rows
 
 
 def natural_key(name: str) -> tuple[list[tuple[int, str]], str]:

@@ -151,3 +151,19 @@ def test_relations_are_no_objectives_and_integer_symbols_are_refused():
     for objective, rows in ((k**2 + a, []), (a, [k >= a])):
         with pytest.raises(ProblemError, match="found the integer symbols k, expected real"):
             Problem(objective, rows)
+
+
+def test_signs_that_symbols_were_given_are_constraints():
+    """sympy writes sqrt(x^2) as x where x is positive: its least value is 0, not -3."""
+    x, y = sympy.Symbol("x", positive=True), sympy.Symbol("y", nonpositive=True)
+    problem = Problem(sympy.sqrt(x**2) - y, [x <= 2], -3, 3)
+    assert [str(row) for row in problem.constraints] == ["2 - x >= 0", "x >= 0", "-y >= 0"]
+    result = sp.solve(problem)
+    assert result.attained.value == 0.0 and -1e-6 <= result.lower_bound <= 0.0
+    assert sp.RationalProblem(1 / (x + 1), [], -3, 3).constraints
+
+
+def test_symbols_that_are_not_real_are_refused():
+    z = sympy.Symbol("z", imaginary=True)
+    with pytest.raises(ProblemError, match="found the symbols z, which are not real"):
+        Problem(z**2, [], -1, 1)
