@@ -8,7 +8,7 @@ within the radius of the fit; where priors leave none of these, larger radii are
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any, NamedTuple
@@ -44,7 +44,7 @@ from setid.proofs.least_noise.least_error import (
     stated,
     verify_output,
 )
-from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.budget import EARLY, Deadline
 
 __all__ = ["FoundOutputErrors", "least_output_errors"]
 
@@ -107,9 +107,8 @@ def least_output_errors(
     formulation = without_partial_outputs(stated(data, model, priors, 1.0), from_rest=True)
     model = formulation.model
     local = output_error_fit(data, model, until)
-    searched = Deadline(None if until == inf else _CELLS * max(until - time.monotonic(), 1e-3))
-    refuted = _refuted(formulation, norm, settings, searched)
-    fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, until)]
+    refuted = _refuted(formulation, norm, settings, deadline.part(_CELLS))
+    fits = [local, *_of_denominators(formulation, norm, local[0], refuted.best, deadline)]
     fits.sort(key=lambda fit: _norm(data.y - fit[1], norm))
     fitted = fits[0]
     known: OutputErrors | None = None
@@ -121,9 +120,9 @@ def least_output_errors(
         known = known or found
     error, low, attained = _norm(data.y - fitted[1], norm), 0.0, False
     if known is not None:
-        late = searched.stopped or time.monotonic() >= until
-        if not late and (known.attained is None or known.level < (1.0 - settings.tol) * error):
-            known = _by_engine(known, fitted, settings, until)
+        is_open = known.attained is None or known.level < (1.0 - settings.tol) * error
+        if is_open and not deadline.late:
+            known = _by_engine(known, fitted, settings, deadline)
         low = output_bound(known)
         if known.attained is not None:
             value = known.attained.value
@@ -135,25 +134,31 @@ def least_output_errors(
 
 
 def _of_denominators(
-    formulation: Formulation, norm: Norm, theta: Reals, best: Sequence[Reals], until: float
+    formulation: Formulation, norm: Norm, theta: Reals, best: Sequence[Reals], deadline: Deadline
 ) -> list[Fitted]:
-    """Fit the other parameters for the denominators of a fit and of a search; single outputs."""
-    data, model = formulation.data, formulation.model
+    """Fit the other parameters for the denominators of a fit and of a search; single outputs.
+
+    An interrupt leaves the fits before it.
+    """
+    data, model, until = formulation.data, formulation.model, deadline.end
     rows = error_rows(formulation, norm, 1.0)
     if rows is None or not isinstance(model, TransferFunction):
         return []
-    if has_separate_denominators(model):
-        apart = separate_noise(formulation, until) if norm == "linf" else None
-        return [] if apart is None else [apart]
-    places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
-    if not best and norm == "linf" and time.monotonic() < until:
-        best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
     found: list[Fitted] = []
-    for denominator in [theta[places], *best[:_STARTS]]:
-        if found and time.monotonic() >= until:
-            break
-        fitted = fit_of_denominator(data, model, rows, denominator)
-        found.append(fitted or least_error_at(data, model, norm, denominator, until))
+    try:
+        if has_separate_denominators(model):
+            apart = separate_noise(formulation, until) if norm == "linf" else None
+            return [] if apart is None else [apart]
+        places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
+        if not best and norm == "linf" and time.monotonic() < until:
+            best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
+        for denominator in [theta[places], *best[:_STARTS]]:
+            if found and time.monotonic() >= until:
+                break
+            fitted = fit_of_denominator(data, model, rows, denominator)
+            found.append(fitted or least_error_at(data, model, norm, denominator, until))
+    except KeyboardInterrupt as cause:
+        deadline.ended(cause)
     return found
 
 
@@ -176,7 +181,8 @@ def _known(
     try:
         with deadline.kept():
             return replace(known, attained=_at_fit(known, fitted))
-    except LimitReached:
+    except EARLY as cause:
+        deadline.ended(cause)
         return known
 
 
@@ -185,7 +191,8 @@ def _is_verified(known: OutputErrors, error: float, deadline: Deadline) -> bool:
     try:
         with deadline.kept(_LAST):
             return bool(verify_output(known, 0.0, error))
-    except LimitReached:
+    except EARLY as cause:
+        deadline.ended(cause)
         return False
 
 
@@ -225,34 +232,54 @@ def _at_fit(known: OutputErrors, fitted: Fitted) -> sp.ProvedPoint | None:
 
 
 def _by_engine(
-    known: OutputErrors, fitted: Fitted, settings: Options, until: float
+    known: OutputErrors, fitted: Fitted, settings: Options, deadline: Deadline
 ) -> OutputErrors:
-    """Bound and attain the least error, from the local fit.
+    """Bound and attain the least error, from the local fit; an interrupt leaves what is proved.
 
     Where priors leave no parameters within the error of the local fit, larger errors are tried.
     """
-    found = _minimised(known, fitted, settings, until)
+    found = known
+    try:
+        for one in _by_larger_errors(known, fitted, settings, deadline):
+            found = one
+        if found.radius > known.radius and found.attained is not None and not deadline.late:
+            found = _by_less(found, settings, deadline)
+    except EARLY as cause:
+        deadline.ended(cause)
+    return found
+
+
+def _by_larger_errors(
+    known: OutputErrors, fitted: Fitted, settings: Options, deadline: Deadline
+) -> Iterator[OutputErrors]:
+    """Minimise over the parameters within the radius, and within larger ones while none are."""
+    found = _minimised(known, fitted, settings, deadline)
+    yield found
     for step in range(_WIDER):
-        if output_bound(found) < found.radius or time.monotonic() >= until:
-            break
+        if output_bound(found) < found.radius or deadline.late:
+            return
         radius = found.radius * 2.0 ** (step + 1)
         if found.attained is not None:  # beyond the radius, which samples alone obey
             fitted = _of_point(found, found.attained)
             radius = attained_norm(found, found.attained.value) * (1.0 + _MARGIN)
-        wider = _minimised(_within(found, radius), fitted, settings, until)
+        wider = _minimised(_within(found, radius), fitted, settings, deadline)
         if wider.attained is None and output_bound(wider) < output_bound(found):
-            break  # time ended, or the box is not finite: what was proved is kept
+            return  # time ended, or the box is not finite: what was proved is kept
         found = wider
-    if found.radius > known.radius and found.attained is not None and time.monotonic() < until:
-        fitted = _of_point(found, found.attained)
-        error = attained_norm(found, found.attained.value)
-        if output_bound(found) >= (1.0 - settings.tol) * error:
-            return found
-        nearer = _within(found, error * (1.0 + _MARGIN))
-        again = _minimised(nearer, fitted, settings, until)
-        if again.attained is not None and output_bound(again) >= output_bound(found):
-            return again
-    return found
+        yield found
+
+
+def _by_less(found: OutputErrors, settings: Options, deadline: Deadline) -> OutputErrors:
+    """Minimise once more within the error that is attained, where the gap is open."""
+    assert found.attained is not None
+    fitted = _of_point(found, found.attained)
+    error = attained_norm(found, found.attained.value)
+    if output_bound(found) >= (1.0 - settings.tol) * error:
+        return found
+    nearer = _within(found, error * (1.0 + _MARGIN))
+    again = _minimised(nearer, fitted, settings, deadline)
+    better = again.attained is not None and output_bound(again) >= output_bound(found)
+    return again if better else found
 
 
 def _within(known: OutputErrors, radius: float) -> OutputErrors:
@@ -264,10 +291,11 @@ def _within(known: OutputErrors, radius: float) -> OutputErrors:
 
 
 def _minimised(
-    known: OutputErrors, fitted: Fitted, settings: Options, until: float
+    known: OutputErrors, fitted: Fitted, settings: Options, deadline: Deadline
 ) -> OutputErrors:
     """Minimise the error over the box of its radius; as it was without a finite box."""
-    given, known = known, replace(known, box=find_box(known.formulation, until), attained=None)
+    given, until = known, deadline.end
+    known = replace(known, box=find_box(known.formulation, until), attained=None)
     if known.box is not None and known.box.empty:
         return known
     scaled = in_units_of(known)
@@ -281,6 +309,8 @@ def _minimised(
     usual = settings.for_engine("absolute", until)
     options = replace(usual, gap=settings.tol * size / scaled.factor)
     found = sp.solve(scaled.problem, options, start=start)
+    if found.status is sp.Status.INTERRUPTED:
+        deadline.stop()
     best = found.attained
     if best is None or (point is not None and point.value < best.value):
         best = point

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
 from setid.minimum_noise import denominators as all_norms
 from setid.minimum_noise.cones import search as varying
 from setid.minimum_noise.programs import Programs
@@ -91,6 +92,37 @@ def test_a_fit_ends_with_its_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     assert 0.0 < fit.lower_bound < fit.error
     assert fit.verify(data)
+
+
+@pytest.mark.parametrize(
+    "work", ["fit_of_denominator", "proved_point", "find_box", "verify_output", "_by_less"]
+)
+def test_a_fit_that_is_interrupted_anywhere_keeps_what_is_proved(
+    work: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only the local fit, which is the first thing, is needed for a result."""
+    data = record().part(0, 30)
+    stopped = interrupted(len, 0)
+    monkeypatch.setattr(f"setid.analysis.output_fit.{work}", stopped)
+    fit = setid.fit(data, MODEL, norm="linf", priors=[setid.Stable()])
+    monkeypatch.undo()
+    assert 0.0 < fit.lower_bound <= fit.error < 1.0
+    assert fit.attained == (work in ("fit_of_denominator", "find_box", "_by_less"))
+    assert fit.verify(data)
+
+
+def test_an_interrupt_of_the_engine_ends_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A prior leaves nothing within the error of the local fit: larger errors are not tried."""
+    priors = [setid.Stable(), setid.Box({"b1": (2.0, 3.0)})]
+
+    def solved(problem: sp.Problem, options: sp.Options, start: Any) -> sp.Result:
+        solves.append(problem)
+        return solve(problem, options, start=start, on_progress=interrupted(len, 0))
+
+    solve, solves = sp.solve, list[sp.Problem]()
+    monkeypatch.setattr(sp, "solve", solved)
+    fit = setid.fit(record().part(0, 30), MODEL, norm="linf", priors=priors)
+    assert len(solves) == 1 and fit.verify()
 
 
 @pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
