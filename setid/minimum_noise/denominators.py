@@ -34,6 +34,7 @@ __all__ = ["least_output_noise"]
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _FIRST = 0.03  # of the time: for multipliers that do not vary
+_LEAST, _MOST = 2.0, 0.25  # CPU seconds that they have at least, of at most a share of the time
 _ALONE = 120.0  # seconds, where no time is given
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is split
@@ -83,8 +84,7 @@ def least_output_noise(
         return by_corners(rows, programs, output, tol, deadline)
     if rows.norm == "l2":  # its multipliers change smoothly: a few for each cone are enough
         return _Search(rows, programs, output, tol, deadline).run()
-    alone = deadline.part(_FIRST, _FIRST * _ALONE)
-    first = _Search(rows, programs, output, tol, alone)
+    first = _Search(rows, programs, output, tol, _alone(deadline))
     found = first.run()
     if found.factor >= first.target * (1.0 - _ENOUGH) or not found.best or deadline.stopped:
         return found
@@ -96,6 +96,14 @@ def least_output_noise(
     best = more.best or found.best
     larger = max(found, more, key=lambda one: one.factor)
     return replace(larger, best=best)
+
+
+def _alone(deadline: Deadline) -> Deadline:
+    """Give multipliers that do not vary their time; they end small searches on a busy machine."""
+    left = deadline.left
+    if left is None:
+        return deadline.part(_FIRST, _FIRST * _ALONE)
+    return deadline.part(max(_FIRST, min(_LEAST * deadline.pace / left, _MOST)))
 
 
 class _Search(BestFirst[_OpenCone]):
