@@ -286,7 +286,7 @@ def _touching(name: str, slope: Reals) -> Reals:
             found = 2.0 * np.arctanh(np.sqrt(np.clip(1.0 - 4.0 * slope, 0.0, 1.0)))
         else:
             found = np.sqrt(np.maximum(slope ** (-2.0 / 3.0) - 1.0, 0.0))
-    return np.where(np.isfinite(found), found, 0.0)
+    return np.where(np.isnan(found), 0.0, found)  # infinite where the slope is below rounding
 
 
 def _tangent(

@@ -100,14 +100,23 @@ class BestFirst(ABC, Generic[Part]):
 
     def branch(self) -> bool:
         """Split the weakest leaf; False where there is nothing to split."""
-        number = self._queue[0][1]
+        value, number = self._queue[0]
         part, _, _, split, _ = self.known[number]
         if split < 0:
             return False
-        heapq.heappop(self._queue)
-        self._children[number] = len(self.known), len(self.known) + 1
-        for half in self.parts(part, split):
-            self.add(half)
+        before = len(self.known)
+        try:
+            heapq.heappop(self._queue)
+            for half in self.parts(part, split):
+                self.add(half)
+            self._children[number] = before, before + 1
+        except KeyboardInterrupt:  # the leaf stays whole
+            self._children.pop(number, None)
+            self._queue = [item for item in self._queue if item[1] < before and item[1] != number]
+            heapq.heapify(self._queue)
+            heapq.heappush(self._queue, (value, number))
+            del self.known[before:]
+            raise
         return True
 
     def run(self, cutoff: float, until: float, most: int) -> float:

@@ -238,6 +238,10 @@ class LastLayer:
 
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
+        if self.net.network.activation[-1] != "identity":
+            return Verification(False, "the last layer is not linear")
+        if not set(_assumptions(self.data, self.noise)) <= set(self.assumptions):
+            return Verification(False, "an assumption is left out")
         rows = _rows(self.net, self.data, self.noise)
         if len(rows) != len(self.sets):
             return Verification(False, "the sets are not those of the outputs")
@@ -305,16 +309,22 @@ def last_layer(
         raise NoiseError(
             f"noise: found {type(noise).__name__}, expected Noise, as Noise(equation=0.1)"
         )
-    assumptions = ["the hidden layers are those of the network", *data.assumptions]
+    own = list[str]()
     if noise is None:
         noise, text = _noise_of(net, data, factor)
-        assumptions.append(text)
-    assumptions += noise.assumptions
-    if noise.constraints:
-        assumptions.append("constraints of the noise are not used: the intervals hold without them")
+        own.append(text)
     sets = tuple(_solve(part) for part in _rows(net, data, noise))
     intervals, status = _intervals(sets)
-    return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), (*assumptions,))
+    texts = (*_assumptions(data, noise), *own)
+    return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), texts)
+
+
+def _assumptions(data: IOData, noise: Noise) -> list[str]:
+    """Name what the set rests on, beside where its noise bound comes from."""
+    found = ["the hidden layers are those of the network", *data.assumptions, *noise.assumptions]
+    if noise.constraints:
+        found.append("constraints of the noise are not used: the intervals hold without them")
+    return found
 
 
 def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise, str]:

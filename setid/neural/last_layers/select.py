@@ -61,7 +61,7 @@ class NetworkSelection:
     ----------
     chosen : Candidate
     log : tuple of Candidate
-        All structures, in the order in which they were tried.
+        All structures, in the order in which they were tried; after Ctrl-C those that are done.
     """
 
     chosen: Candidate
@@ -98,7 +98,8 @@ def select(
     Returns
     -------
     NetworkSelection
-        Where every structure is falsified, the one with the fewest readings outside.
+        Where every structure is falsified, the one with the fewest readings outside. Ctrl-C ends
+        the loop without an executor: the choice is among those that are done, if there are any.
 
     Raises
     ------
@@ -120,11 +121,25 @@ def select(
     known = entries_of(orders, "orders", "a list of integers", ModelError)
     sizes = entries_of(widths, "widths", "a list of integers", ModelError)
     tasks = [(order, width, settings) for order in known for width in sizes]
-    log = map_in_order(executor, _tried, tasks)
+    log = _tried_all(executor, tasks)
     if not log:
         raise ModelError("orders, widths: found no structure, expected at least one")
     chosen = min(log, key=lambda item: (item.outside, item.band_width))
     return NetworkSelection(chosen, tuple(log))
+
+
+def _tried_all(executor: Executor | None, tasks: list[tuple[Any, ...]]) -> list[Candidate]:
+    """Try structures in turn; Ctrl-C keeps those that are done."""
+    if executor is not None:
+        return map_in_order(executor, _tried, tasks)
+    log: list[Candidate] = []
+    try:
+        for task in tasks:
+            log.append(_tried(task))
+    except KeyboardInterrupt:
+        if not log:
+            raise
+    return log
 
 
 def _tried(task: tuple[int, int, tuple[Any, ...]]) -> Candidate:

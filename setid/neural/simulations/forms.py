@@ -85,7 +85,7 @@ class Form:
 
     def promoted(self) -> Form:
         """Promote the radius to generators, so that linear maps keep it; same set."""
-        own = np.flatnonzero(self.radius > 0)
+        own = np.flatnonzero(self.radius != 0)  # also a radius that is no number
         extra = np.zeros((self.radius.size, own.size))
         extra[own, np.arange(own.size)] = self.radius[own]
         return Form(self.centre, np.hstack([self.generators, extra]), np.zeros(self.radius.size))

@@ -84,7 +84,7 @@ class OutputError:
         tail = _Tail.of(self.net, self.data, self.box, self.horizon)
         least = _replay(self.net, self.data, tail, self.box, self.tree)
         inside = at_least(self.x0, self.box.lo) and at_least(self.box.hi, self.x0)
-        closed = self.upper_bound - self.lower_bound <= self.tolerance * self.upper_bound
+        closed = _closed(self.lower_bound, self.upper_bound, self.tolerance)
         return agreed(
             (self.lower_bound <= least, "the lower bound does not follow from the leaves"),
             (inside, "the attained state is outside the box"),
@@ -95,6 +95,11 @@ class OutputError:
     def __repr__(self) -> str:
         ends = f"[{rounded(self.lower_bound, False, 6)}, {rounded(self.upper_bound, True, 6)}]"
         return f"<OutputError: least bound in {ends}, {self.nodes} nodes, {self.status}>"
+
+
+def _closed(lower: float, upper: float, tolerance: float) -> bool:
+    """Check that bounds agree within a tolerance; with an infinite one they never do."""
+    return upper < np.inf and upper - lower <= tolerance * upper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +142,7 @@ def output_error(
     tolerance : float
         Relative gap at which the search ends.
     nodes : int
-        Most boxes that are bounded.
+        Most boxes that are bounded. Ctrl-C ends the search before that, with what is proved.
 
     Returns
     -------
@@ -279,14 +284,18 @@ class _Search(BestFirst[Interval]):
 
     def least(self, most: int) -> OutputError:
         """Bisect until the bounds meet or ``most`` nodes are bounded."""
-        self._try(self.x0)
-        self.add(self.box)
-        while (len(self.known) < most
-               and self.guess - self.bound > 0.9 * self.tolerance * self.guess):  # fmt: skip
-            self.branch()
+        try:
+            self._try(self.x0)
+            self.add(self.box)
+            while (len(self.known) < most
+                   and self.guess - self.bound > 0.9 * self.tolerance * self.guess):  # fmt: skip
+                self.branch()
+        except KeyboardInterrupt:
+            if not self.known:
+                raise
         lower = max(self.tail.least, self.bound)
         upper = _attained(self.net, self.data, self.x0)
-        closed = upper - lower <= self.tolerance * upper
+        closed = _closed(lower, upper, self.tolerance)
         status = Status.PROVED if closed else Status.PARTIAL
         return OutputError(
             self.net, self.data, self.box, status, lower, upper, self.x0, self.tolerance,

@@ -63,11 +63,13 @@ class Envelope:
         """Prove the distance again from the coefficients."""
         if not self._pieces_fit():
             return Verification(False, "the pieces are not those between increasing breaks")
-        found = max(
-            _distance(self.name, self.breaks[i : i + 2], self.centres[i], c, self.cells)
-            for i, c in enumerate(self.coefficients)
+        found = np.max(
+            [
+                _distance(self.name, self.breaks[i : i + 2], self.centres[i], c, self.cells)
+                for i, c in enumerate(self.coefficients)
+            ]
         )
-        return agreed((found <= self.eps, "the distance is not proved"))
+        return agreed((bool(found <= self.eps), "the distance is not proved"))
 
     def _pieces_fit(self) -> bool:
         """Check for one polynomial between each pair of neighbouring breaks, all of it finite."""
@@ -77,7 +79,7 @@ class Envelope:
         if not shapes or self.coefficients.ndim != 2 or len(self.coefficients) != count:
             return False
         finite = all(np.all(np.isfinite(table)) for table in tables)
-        full = count > 0 and self.coefficients.shape[1] > 0 and self.cells > 0
+        full = count > 0 and self.coefficients.shape[1] > 1 and self.cells > 0
         return bool(finite and full and self.name in _SMOOTH and np.all(np.diff(self.breaks) > 0))
 
     def __repr__(self) -> str:

@@ -42,16 +42,19 @@ from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.patterns import Goal, Patterns, PatternSearch, prove_tree
 from setid.neural.training.smooth_weights import (
+    SMOOTH,
     SmoothHiddenWeights,
     interval_of,
     smooth_hidden_weights,
 )
+from setid.neural.training.structure import has_hidden_layer, hidden_layer
 
 __all__ = ["HiddenWeights", "SignChoice", "hidden_weights"]
 
 Reals = NDArray[np.float64]
 _ROUNDS = (30, 3000)  # nodes for each end, first for all of them, then for those still open
 _INSIDE = 1e-7  # members are looked for this fraction below the bound
+_PIECEWISE = ("relu", "leaky_relu")
 _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between its ends
 
 
@@ -117,6 +120,12 @@ class HiddenWeights:
 
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
+        if not has_hidden_layer(self.net, *_PIECEWISE) or _folded(self.net.network) == 1.0:
+            return Verification(False, "the structure is none of relu or leaky relu neurons")
+        if not (0.0 < self.bound < np.inf and 0.0 < self.weights < np.inf):
+            return Verification(False, "the bounds of errors and weights are not positive numbers")
+        if not set(_assumptions(self.data, self.bound, self.weights)) <= set(self.assumptions):
+            return Verification(False, "an assumption is left out")
         task = _Task.of(self.net, self.data, self.bound, self.weights)
         if [item.signs for item in self.choices] != _signs(task.width):
             return Verification(False, "the choices of signs are not all of them")
@@ -163,7 +172,8 @@ def hidden_weights(
         Bound of hidden weights and biases after normalisation, and of output weights of smooth
         neurons, an assumption. Where an interval ends there, the record does not bound it.
     time_limit : float
-        Seconds; the intervals hold when it is over, but may be wider than need be.
+        Seconds; the intervals hold when it is over, but may be wider than need be. Ctrl-C ends the
+        search in the same way.
     normalised : bool
         Only True: without normalisation and order the intervals would mean nothing.
 
@@ -202,7 +212,7 @@ def hidden_weights(
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     number(time_limit, "time_limit", ModelError)
     bound = _bound(net, data, noise)
-    if _linear_last(net).activation[0] in ("tanh", "sigmoid", "algebraic"):
+    if hidden_layer(net).activation[0] in SMOOTH:
         found = smooth_hidden_weights(net, data, bound, float(weights), time_limit)
         stated = noise.assumptions if isinstance(noise, Noise) else ()
         return replace(found, assumptions=(*found.assumptions, *stated))
@@ -212,17 +222,24 @@ def hidden_weights(
     options = _signs(task.width)
     for index, signs in enumerate(options):
         share = time.monotonic() + (until - time.monotonic()) / (len(options) - index)
-        choices.append(_Search(task, signs, share).run())
+        search = _Search(task, signs, share)
+        choices.append(search.run())
+        until = -np.inf if search.until == -np.inf else until  # interrupted
     intervals, status = _intervals(task, tuple(choices))
     given = noise.assumptions if isinstance(noise, Noise) else ()
-    texts = (
-        *data.assumptions, *given,
-        f"the equation error of each row is at most {all_digits(task.bound)}",
-        f"normalised hidden weights and biases are at most {all_digits(weights)} in absolute value",
-        "output weights are normalised to +-1, neurons of equal sign ordered by their first weight",
-    )  # fmt: skip
+    texts = (*given, *_assumptions(data, task.bound, task.reach))
     return HiddenWeights(
         net, data, task.bound, task.reach, status, tuple(choices), FrozenMapping(intervals), texts
+    )
+
+
+def _assumptions(data: IOData, bound: float, weights: float) -> tuple[str, ...]:
+    """Name what the intervals rest on, beside assumptions of the noise."""
+    return (
+        *data.assumptions,
+        f"the equation error of each row is at most {all_digits(bound)}",
+        f"normalised hidden weights and biases are at most {all_digits(weights)} in absolute value",
+        "output weights are normalised to +-1, neurons of equal sign ordered by their first weight",
     )
 
 
@@ -241,14 +258,9 @@ def _bound(net: RegressorNetwork, data: IOData, noise: Noise | float) -> float:
     return float(values[0])
 
 
-def _linear_last(net: RegressorNetwork) -> Network:
-    inner = net.network
-    if len(inner.weights) != 2 or inner.activation[1] != "identity" or net.outputs != 1:
-        raise ModelError(
-            f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a "
-            "linear last layer and one output"
-        )
-    return inner
+def _folded(network: Network) -> float:
+    """Slope of the hidden layer for negative arguments."""
+    return 0.0 if network.activation[0] == "relu" else float(network.leak)
 
 
 def _signs(width: int) -> list[tuple[float, ...]]:
@@ -269,12 +281,11 @@ class _Task:
     @staticmethod
     def of(net: RegressorNetwork, data: IOData, bound: float, reach: float) -> _Task:
         phi, row = rows_of(net, data)
-        inner = _linear_last(net)
-        kind = inner.activation[0]
-        if kind not in ("relu", "leaky_relu") or (kind == "leaky_relu" and inner.leak == 1.0):
+        inner = hidden_layer(net)
+        if inner.activation[0] not in _PIECEWISE or _folded(inner) == 1.0:
             raise ModelError(
-                f"net: found {kind} neurons, expected relu, leaky_relu (leak not 1), tanh, "
-                "sigmoid or algebraic"
+                f"net: found {inner.activation[0]} neurons, expected relu, leaky_relu (leak not "
+                "1), tanh, sigmoid or algebraic"
             )
         return _Task(net, data, phi, data.y[row, 0], bound, reach)
 
@@ -284,8 +295,7 @@ class _Task:
 
     @property
     def leak(self) -> float:
-        inner = self.net.network
-        return 0.0 if inner.activation[0] == "relu" else float(inner.leak)
+        return _folded(self.net.network)
 
     @property
     def names(self) -> list[str]:
@@ -360,6 +370,22 @@ class _Search:
 
     def run(self) -> SignChoice:
         """Decide whether there is a network, then search each end in two rounds."""
+        try:
+            self.ends()
+        except KeyboardInterrupt:  # between two steps: what they prove is drawn again
+            self.until = -np.inf
+            self.low, self.high = self.task.drawn(self.signs, tuple(self.steps))
+        signs = np.array(self.signs)
+        kept = [x for x in self.members.values() if self.task.member(signs, x)]
+        members = np.array(kept).reshape(len(kept), self.low.size)
+        if np.any(self.low > self.high):
+            members = members[:0]
+        return SignChoice(
+            self.signs, frozen(self.low), frozen(self.high), tuple(self.steps), frozen(members)
+        )
+
+    def ends(self) -> None:
+        """Search all ends; the first program decides whether there is a network."""
         size = self.low.size
         self.bounded((size, 1.0), _ROUNDS[-1])
         goals = [(entry, side) for entry in range(size) for side in (1.0, -1.0)]
@@ -369,14 +395,6 @@ class _Search:
                     break
                 if self.gap(goal) > 0.0:
                     self.bounded(goal, nodes)
-        signs = np.array(self.signs)
-        kept = [x for x in self.members.values() if self.task.member(signs, x)]
-        members = np.array(kept).reshape(len(kept), size)
-        if np.any(self.low > self.high):
-            members = members[:0]
-        return SignChoice(
-            self.signs, frozen(self.low), frozen(self.high), tuple(self.steps), frozen(members)
-        )
 
     def value(self, goal: Goal) -> float:
         """Find the least value of a goal that a member attains."""
@@ -403,21 +421,28 @@ class _Search:
         program = self.task.program(self.signs, (self.low.copy(), self.high.copy()))
         search = PatternSearch(program, goal, self.until)
         search.add(np.zeros(program.pairs, np.int8))
+        try:
+            self.searched(search, goal, nodes)
+        except KeyboardInterrupt:  # as if the time were over
+            self.until = -np.inf
+        before = self.low.copy(), self.high.copy()
+        shrink(self.low, self.high, goal, search.bound)
+        if np.any(self.low > before[0]) or np.any(self.high < before[1]):
+            self.steps.append((goal, search.tree()))
+
+    def searched(self, search: PatternSearch, goal: Goal, nodes: int) -> None:
+        """Branch for one end in slices, with the best network found as cutoff."""
         seen: int = 0
         while True:
             for *_, point in search.known[seen:]:
                 self.offer(search, point)
             seen = len(search.known)
             cutoff = self.value(goal) - 0.5 * self.allowed(goal[0])
-            value = search.run(cutoff, self.until, min(nodes, seen + 10))
+            search.run(cutoff, self.until, min(nodes, seen + 10))
             if len(search.known) == seen or len(search.known) >= nodes:
                 break
         for *_, point in search.known[seen:]:
             self.offer(search, point)
-        before = self.low.copy(), self.high.copy()
-        shrink(self.low, self.high, goal, value)
-        if np.any(self.low > before[0]) or np.any(self.high < before[1]):
-            self.steps.append((goal, search.tree()))
 
     def offer(self, search: PatternSearch, point: Reals | None) -> None:
         """Take the best network of the pattern that a point has."""

@@ -148,7 +148,7 @@ class Patterns:
         value = float(down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(size))))
         if infeasible:
             return np.inf if value > 0 else self.floor(goal)
-        return max(value, self.floor(goal))
+        return value if value > self.floor(goal) else self.floor(goal)  # also where it is NaN
 
 
 def _reached(phi: Reals, box: tuple[Reals, Reals], k: int) -> tuple[Reals, Reals]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,12 +30,14 @@ from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
+from setid.neural.training.structure import has_hidden_layer
 from setid.neural.training.weight_boxes import WeightProgram
 from sparsepop_py.verified.arithmetic.display import rounded
 
-__all__ = ["SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]
+__all__ = ["SMOOTH", "SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]
 
 Reals = NDArray[np.float64]
+SMOOTH = ("tanh", "sigmoid", "algebraic")
 _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between its ends
 _LINEAR = 0.3  # distance of the lines from the activation below which cuts are tried
 _WORTH = 0.1  # of the width of a box: what a cut must take off
@@ -114,6 +117,13 @@ class SmoothHiddenWeights:
 
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
+        if not has_hidden_layer(self.net, *SMOOTH):
+            return Verification(False, "the structure is none of smooth neurons")
+        if not (0.0 < self.bound < np.inf and 0.0 < self.weights < np.inf):
+            return Verification(False, "the bounds of errors and weights are not positive numbers")
+        stated = _assumptions(self.net, self.data, self.bound, self.weights, self.eps)
+        if not set(stated) <= set(self.assumptions):
+            return Verification(False, "an assumption is left out")
         task = _Task.of(self.net, self.data, self.bound, self.weights)
         low, high, eps = task.drawn(self.steps)
         size = task.size
@@ -143,26 +153,33 @@ def smooth_hidden_weights(
     """Bound hidden weights of tanh, sigmoid or algebraic neurons; see :func:`hidden_weights`."""
     task = _Task.of(net, data, bound, weights)
     search = _Search(task, time.monotonic() + time_limit)
-    search.run()
+    with suppress(KeyboardInterrupt):  # steps that are left open only widen the intervals
+        search.run()
     steps = tuple(search.steps)
     low, high, eps = task.drawn(steps)
     kept = [x for x in search.members.values() if task.member(x)]
     members = np.array(kept).reshape(len(kept), task.size)
     intervals, status = _intervals(task, low, high, members)
-    name = net.network.activation[0]
-    texts = (
+    texts = _assumptions(net, data, bound, weights, eps)
+    return SmoothHiddenWeights(
+        net, data, bound, weights, eps, status, steps, frozen(members), FrozenMapping(intervals),
+        texts,
+    )  # fmt: skip
+
+
+def _assumptions(
+    net: RegressorNetwork, data: IOData, bound: float, weights: float, eps: float
+) -> tuple[str, ...]:
+    """Name what the intervals rest on, beside assumptions of the noise."""
+    return (
         *data.assumptions,
         f"the equation error of each row is at most {all_digits(bound)}",
         "hidden weights and biases, and output weights, are at most "
         f"{all_digits(weights)} in absolute value",
         "output weights are normalised to v >= 0, neurons ordered by their first weight",
-        f"{name} within {rounded(eps, True, 3)} of the lines that stand for it, which every row "
-        "allows for",
+        f"{net.network.activation[0]} within {rounded(eps, True, 3)} of the lines that stand for "
+        "it, which every row allows for",
     )
-    return SmoothHiddenWeights(
-        net, data, bound, weights, eps, status, steps, frozen(members), FrozenMapping(intervals),
-        texts,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

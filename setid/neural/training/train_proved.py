@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -22,7 +23,6 @@ import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import activate, require_ieee, up
-from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
@@ -34,6 +34,7 @@ from setid.neural.training.engine import (
     training_problem,
 )
 from setid.neural.training.patterns import Patterns, PatternSearch, prove_tree
+from setid.neural.training.structure import has_hidden_layer, hidden_layer
 from setid.neural.training.weight_boxes import (
     WeightProgram,
     WeightSearch,
@@ -91,6 +92,8 @@ class ProvedTraining:
 
     def verify(self) -> Verification:
         """Prove both bounds again, without any solver."""
+        if not has_hidden_layer(self.net):
+            return Verification(False, "the network is none of one hidden layer and one output")
         phi, row = rows_of(self.net, self.data)
         y = self.data.y[row, 0]
         reached = equation_error(self.net, self.data).upper_bound[0]
@@ -99,6 +102,7 @@ class ProvedTraining:
         first = agreed(
             (reached <= self.upper_bound, "the network does not attain the upper bound"),
             (inside, "the network is outside the range of weights"),
+            (0.0 < self.cap < np.inf, "the largest error that is followed is none"),
             (closed == (self.status is Status.PROVED), "the status does not follow"),
         )
         if not first:
@@ -139,7 +143,8 @@ def train_proved(
     tolerance : float
         Gap at which the search ends, as a fraction of the error of the best constant.
     time_limit : float
-        Seconds; the bounds hold when it is over, but need not meet.
+        Seconds; the bounds hold when it is over, but need not meet. Ctrl-C ends the search in the
+        same way.
     nodes : int
         Most sets of patterns that are bounded.
     method : {"patterns", "engine"}
@@ -169,12 +174,7 @@ def train_proved(
     """
     require_ieee()
     phi, row = rows_of(net, data)
-    inner = net.network
-    if len(inner.weights) != 2 or inner.activation[1] != "identity" or net.outputs != 1:
-        raise ModelError(
-            f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a linear "
-            "last layer and one output"
-        )
+    inner = hidden_layer(net)
     if not 0 < number(weights, "weights", ModelError) < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     natural(nodes, "nodes", ModelError)
@@ -222,18 +222,22 @@ def _by_patterns(
     width = network.weights[0].shape[0]
     cap = _cap(y)
     best = _Best(network, phi, y, weights)
-    trees: dict[tuple[float, ...], DualNode] = {}
-    lower, count = np.inf, 0
+    searches: dict[tuple[float, ...], PatternSearch] = {}
+    count = 0
     choices = _signs(width, network.activation[0] == "identity")
-    for index, signs in enumerate(choices):
-        share = time.monotonic() + (until - time.monotonic()) / (len(choices) - index)
-        search = PatternSearch(_program(network, phi, y, signs, weights, cap), until=share)
-        value = _search(search, best, np.array(signs), tolerance, share, nodes - count)
-        trees[signs] = search.tree()
-        lower, count = min(lower, value), count + len(search.known)
-    return _result(
-        net, data, best.network(), (min(lower, cap), weights, tolerance, count), trees, cap
-    )
+    with suppress(KeyboardInterrupt):
+        for index, signs in enumerate(choices):
+            share = time.monotonic() + (until - time.monotonic()) / (len(choices) - index)
+            search = PatternSearch(_program(network, phi, y, signs, weights, cap), until=share)
+            searches[signs] = search
+            _search(search, best, np.array(signs), tolerance, share, nodes - count)
+            count += len(search.known)
+    known = {signs: search for signs, search in searches.items() if search.known}
+    trees = {signs: search.tree() for signs, search in known.items()}
+    count = sum(len(search.known) for search in known.values())
+    lower = min((search.bound for search in known.values()), default=0.0)
+    lower = min(lower, cap) if len(known) == len(choices) else 0.0  # the others are not bounded
+    return _result(net, data, best.network(), (lower, weights, tolerance, count), trees, cap)
 
 
 def _by_engine(
@@ -249,16 +253,20 @@ def _by_engine(
     best = _Best(network, phi, y, weights)
     choices = _signs(network.weights[0].shape[0], False)
     begin = time.monotonic()
-    for index, signs in enumerate(choices):
-        share = begin + _SIMULATED * (until - begin) * (index + 1) / len(choices)
-        program = _program(network, phi, y, signs, weights, _cap(y))
-        _simulated(best, program, np.array(signs), share)
+    ended = False
+    try:
+        for index, signs in enumerate(choices):
+            share = begin + _SIMULATED * (until - begin) * (index + 1) / len(choices)
+            program = _program(network, phi, y, signs, weights, _cap(y))
+            _simulated(best, program, np.array(signs), share)
+    except KeyboardInterrupt:
+        ended = True
     cap = best.value * (1.0 + 1e-9) + 1e-300
     exact = best.value <= tolerance * best.scale  # 0 is bound enough
     trees: dict[tuple[float, ...], Any] = dict.fromkeys(choices) if exact else {}
     lower, count = 0.0 if exact else cap, 0
     for index, signs in enumerate(() if exact else choices):
-        item = _stated(network, phi, y, signs, weights, cap, until)
+        item = None if ended else _stated(network, phi, y, signs, weights, cap, until)
         if item is None:
             lower = 0.0  # nothing is proved of this choice of signs
             break
@@ -266,7 +274,7 @@ def _by_engine(
         result, point = search_by_engine(item, share)
         if point is not None:
             best.take(point, np.array(signs))
-        trees[signs] = result.certificate
+        trees[signs], ended = result.certificate, result.status is sp.Status.INTERRUPTED
         lower = min(lower, proved_by_certificate(item, result.certificate))
         count += 1 if result.certificate is None else result.certificate.leaves
     found = _result(net, data, best.network(), (lower, weights, tolerance, count), trees, _cap(y))
@@ -312,7 +320,7 @@ def _result(
 
 def _search(
     search: PatternSearch, best: _Best, signs: Reals, tolerance: float, until: float, nodes: int
-) -> float:
+) -> None:
     """Branch and bound in slices, with the best network found as cutoff."""
     search.add(np.zeros(search.program.pairs, np.int8))
     seen = 0
@@ -322,10 +330,10 @@ def _search(
         best.polish(search, signs)
         seen, before = len(search.known), best.value
         limit = min(nodes, seen + 50)
-        value = search.run(best.value - 0.5 * tolerance * best.scale, until, limit)
+        search.run(best.value - 0.5 * tolerance * best.scale, until, limit)
         ended = len(search.known) < limit and len(search.known) == seen
         if ended and best.value == before or limit >= nodes or time.monotonic() >= until:
-            return value
+            return
 
 
 class _Best:
@@ -431,16 +439,18 @@ def _by_boxes(
     cap = _cap(y)
     search = WeightSearch(_boxes(net.network, phi, y, weights, cap))
     best, value, seen = _clipped(net.network, phi, y, weights), np.inf, 0
-    while True:
-        for *_, point in search.known[seen:]:
-            trial, reached = fitted(net.network, phi, y, weights, point)
-            if trial is not None and reached < value:
-                best, value = trial, reached
-        seen = len(search.known)
-        lower = search.run(value - 0.5 * tolerance * cap, until, min(nodes, seen + 50))
-        if len(search.known) == seen or len(search.known) >= nodes or time.monotonic() >= until:
-            break
-    return _result(net, data, best, (min(lower, cap), weights, tolerance, len(search.known)),
+    with suppress(KeyboardInterrupt):
+        while True:
+            for *_, point in search.known[seen:]:
+                trial, reached = fitted(net.network, phi, y, weights, point)
+                if trial is not None and reached < value:
+                    best, value = trial, reached
+            seen = len(search.known)
+            search.run(value - 0.5 * tolerance * cap, until, min(nodes, seen + 50))
+            if len(search.known) == seen or len(search.known) >= nodes or time.monotonic() >= until:
+                break
+    lower = min(search.bound, cap)
+    return _result(net, data, best, (lower, weights, tolerance, len(search.known)),
                    {(): search.tree()}, cap)  # fmt: skip
 
 

@@ -154,7 +154,7 @@ class WeightProgram:
         value = float(self.bounded(box, dual[None], cost[None])[0])
         if infeasible:
             return np.inf if value > 0 else 0.0
-        return max(value, 0.0)
+        return value if value > 0.0 else 0.0  # also where it is NaN
 
     def bounded(self, box: Interval, duals: Reals, costs: Reals) -> Reals:
         """Bound functions (K, n) of the columns from below (K,) by multipliers."""
