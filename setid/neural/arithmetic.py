@@ -200,7 +200,7 @@ def activate(name: str, x: Reals, leak: float = 0.0) -> Reals:
     if name == "sigmoid":
         return 0.5 * (1.0 + np.tanh(0.5 * x))
     if name == "algebraic":
-        return np.asarray(x / np.sqrt(1.0 + x * x))
+        return np.asarray(x / np.hypot(1.0, x))
     if name == "relu":
         return np.maximum(x, 0.0)
     return np.where(x >= 0, x, leak * x) if name == "leaky_relu" else x
@@ -286,7 +286,7 @@ def _touching(name: str, slope: Reals) -> Reals:
             found = 2.0 * np.arctanh(np.sqrt(np.clip(1.0 - 4.0 * slope, 0.0, 1.0)))
         else:
             found = np.sqrt(np.maximum(slope ** (-2.0 / 3.0) - 1.0, 0.0))
-    return np.where(np.isnan(found), 0.0, found)  # infinite where the slope is below rounding
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _tangent(
@@ -346,6 +346,10 @@ def linearise(name: str, x: Interval, leak: float = 0.0) -> tuple[Reals, Reals, 
         right, left = (np.maximum(x.lo, zero), x.hi), (x.lo, np.minimum(x.hi, zero))
         _, top = _tangent(name, np.clip(contact, *right), line, right)
         bottom, _ = _tangent(name, np.clip(-contact, *left), line, left)
+        # the activation grows, so that it is at most its last value less the line's first
+        ceiling = enclose(name, Interval.point(right[1])) - line * Interval.point(right[0])
+        ground = enclose(name, Interval.point(left[0])) - line * Interval.point(left[1])
+        top, bottom = np.minimum(top, ceiling.hi), np.maximum(bottom, ground.lo)
         least, most = np.minimum(least, bottom), np.maximum(most, top)
     offset = 0.5 * least + 0.5 * most
     return slope, offset, np.maximum(up(most - offset), up(offset - least))

@@ -68,8 +68,8 @@ class ProvedTraining:
     upper_bound : float
         Attained by ``net``.
     weights : float
-        Bound of hidden weights and biases after normalisation; the output bias may exceed it by
-        the largest reading.
+        Bound of hidden weights and biases after normalisation; the output bias may exceed it, for
+        smooth activations times the number of neurons, by the largest reading.
     tolerance : float
     nodes : int
     trees : mapping of tuple of float to DualNode or Certificate
@@ -202,6 +202,13 @@ def _signs(width: int, linear: bool) -> list[tuple[float, ...]]:
     return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]
 
 
+def _summed(network: Network, weights: float) -> float:
+    """Bound the weights of a neuron of the search: of identity the sum of all neurons."""
+    if network.activation[0] != "identity":
+        return weights
+    return float(up(weights * network.weights[0].shape[0]))
+
+
 def _cap(y: Reals) -> float:
     """The error of the best constant, rounded up."""
     return float(up(up(np.max(y) - np.min(y)) * 0.5000001)) + 1e-300
@@ -209,7 +216,7 @@ def _cap(y: Reals) -> float:
 
 def _program(network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float,
              cap: float) -> Patterns:  # fmt: skip
-    high = np.full(len(signs) * (phi.shape[1] + 1) + 1, weights)
+    high = np.full(len(signs) * (phi.shape[1] + 1) + 1, _summed(network, weights))
     high[-1] = reaches(weights, y)
     return Patterns.of(phi, y, np.array(signs), _leak(network), (-high, high), cap)
 
@@ -356,8 +363,9 @@ class _Best:
         if x is None:
             return
         k, d = signs.size, self.phi.shape[1]
-        w = np.clip(x[: k * d].reshape(k, d), -self.weights, self.weights)
-        b = np.clip(x[k * d : k * d + k], -self.weights, self.weights)
+        most = _summed(self.given, self.weights)
+        w = np.clip(x[: k * d].reshape(k, d), -most, most)
+        b = np.clip(x[k * d : k * d + k], -most, most)
         hidden = activate(self.given.activation[0], self.phi @ w.T + b, self.given.leak) @ signs
         rest = self.y - hidden
         value = 0.5 * float(np.max(rest) - np.min(rest))
@@ -380,6 +388,10 @@ class _Best:
         """Build the network, with as many neurons as were given."""
         w, b, signs, c = self.parts
         width = self.given.weights[0].shape[0]
+        if self.linear:  # one neuron stands for all of them
+            w, b = (np.clip(np.repeat(a / width, width, axis=0), -self.weights, self.weights)
+                    for a in (w[:1], b[:1]))  # fmt: skip
+            signs = np.ones(width)
         full = np.zeros((width, self.phi.shape[1])), np.zeros(width), np.ones(width)
         for whole, part in zip(full, (w, b, signs), strict=True):
             whole[: len(part)] = part
@@ -396,9 +408,9 @@ def _inside(network: Network, weights: float, y: Reals) -> bool:
         if network.activation[0] in _PIECEWISE
         else (np.all(last <= weights) and np.all(network.weights[1] >= 0))
     )
-    return bool(
-        hidden <= weights and fits and np.all(np.abs(network.biases[1]) <= reaches(weights, y))
-    )
+    piecewise = network.activation[0] in _PIECEWISE
+    most = reaches(weights, y, 1 if piecewise else network.weights[0].shape[0])
+    return bool(hidden <= weights and fits and np.all(np.abs(network.biases[1]) <= most))
 
 
 def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> float:
@@ -428,7 +440,7 @@ def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> flo
 
 def _boxes(network: Network, phi: Reals, y: Reals, weights: float, cap: float) -> WeightProgram:
     width = network.weights[0].shape[0]
-    bias = reaches(weights, y)
+    bias = reaches(weights, y, width)
     return WeightProgram(network.activation[0], phi, y, width, weights, bias, cap)
 
 

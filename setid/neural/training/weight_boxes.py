@@ -216,9 +216,12 @@ class WeightSearch(BestFirst[Interval]):
         return halves(part, split)
 
 
-def reaches(weights: float, y: Reals) -> float:
-    """Bound the output bias that is of use with one neuron."""
-    return float(up(weights + np.max(np.abs(y))))
+def reaches(weights: float, y: Reals, width: int = 1) -> float:
+    """Bound the output bias that is of use with neurons whose values are in [-1, 1].
+
+    Sigmoid neurons of negative output weight change it where signs are moved inside.
+    """
+    return float(up(up(weights * width) + np.max(np.abs(y))))
 
 
 def fitted(
@@ -232,7 +235,7 @@ def fitted(
     z = activate(network.activation[0], phi @ hidden[:, :d].T + hidden[:, d], network.leak)
     one = np.ones((len(y), 1))
     matrix = sps.csr_array(np.block([[z, one, one], [z, one, -one]]))
-    free, bias = np.full(len(y), np.inf), reaches(weights, y)
+    free, bias = np.full(len(y), np.inf), reaches(weights, y, width)
     columns = (np.append(np.zeros(width), [-bias, 0.0]),
                np.append(np.full(width, weights), [bias, np.inf]))  # fmt: skip
     model = LinearModel(matrix, (np.append(y, -free), np.append(free, y)), columns)

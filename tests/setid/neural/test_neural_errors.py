@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -13,6 +14,7 @@ import setid
 import sparsepop_py as sp
 from setid import neural
 from setid.neural.arithmetic import Interval
+from setid.neural.last_layers import select
 
 
 def ramp() -> tuple[neural.NNARX, setid.IOData]:
@@ -351,3 +353,39 @@ def test_orders_of_numpy_are_taken() -> None:
     for wrong in (0, True, 1.5, "1"):
         with pytest.raises(setid.ModelError, match="order"):
             neural.NNARX(net, order=wrong)
+
+
+def test_last_layers_are_linear_and_say_their_assumptions() -> None:
+    net, data = plant(60, 0.05)
+    noise = setid.Noise(equation=0.05)
+    found = neural.last_layer(net, data, noise)
+    given = net.network
+    bent = neural.Network(given.weights, given.biases, ["tanh", "tanh"])
+    forged = replace(found, net=neural.NNARX(bent, 1))
+    assert "linear" in forged.verify().reason and not forged.band().verify()
+    assert found.assumptions
+    for number in range(len(found.assumptions)):
+        fewer = found.assumptions[:number] + found.assumptions[number + 1 :]
+        assert "assumption" in replace(found, assumptions=fewer).verify().reason
+
+
+def test_interrupts_of_a_selection_keep_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, data = plant(40, 0.05)
+    whole = neural.select(*data.split(25), orders=[1, 2], widths=[1, 2], starts=1)
+    usual, count = select.train, [0]
+
+    def train(*arguments: Any, **options: Any) -> neural.Trained:
+        count[0] += 1
+        if count[0] == last:
+            raise KeyboardInterrupt
+        return usual(*arguments, **options)
+
+    monkeypatch.setattr(select, "train", train)
+    for last in (2, 4):
+        count[0] = 0
+        found = neural.select(*data.split(25), orders=[1, 2], widths=[1, 2], starts=1)
+        assert [repr(item) for item in found.log] == [repr(item) for item in whole.log[: last - 1]]
+        assert found.chosen in found.log and found.chosen.result.verify()
+    last, count[0] = 1, 0
+    with pytest.raises(KeyboardInterrupt):
+        neural.select(*data.split(25), orders=[1], widths=[1], starts=1)

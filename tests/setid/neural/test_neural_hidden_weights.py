@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.optimize import linprog
 
 import setid
 from setid import neural
+from setid.neural.arithmetic import LinearModel
 from setid.neural.branching import DualNode
 from setid.neural.training import hidden_weights
 
@@ -162,3 +164,55 @@ def test_two_planted_neurons_stay_inside(signs: list[float]) -> None:
         assert item.outer[0] <= value <= item.outer[1]
     kept = [item for item in found.choices if item.signs == tuple(signs)]
     assert not kept[0].empty
+
+
+def test_proofs_are_about_their_structure_and_say_their_assumptions() -> None:
+    data = planted(8, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
+    found = neural.hidden_weights(structure(1, 0.0), data, setid.Noise(equation=0.1), weights=3.0)
+    assert found.verify()
+    given = found.net.network
+    deep = neural.Network([*given.weights, [[1.0]]], [*given.biases, [0.0]], "relu")
+    bent = neural.Network(given.weights, given.biases, ["relu", "tanh"])
+    line = neural.Network(given.weights, given.biases, "leaky_relu", leak=1.0)
+    for other in (deep, bent, line):
+        assert "structure" in replace(found, net=neural.NNARX(other, 1)).verify().reason
+    for number in range(len(found.assumptions)):
+        fewer = found.assumptions[:number] + found.assumptions[number + 1 :]
+        assert "assumption" in replace(found, assumptions=fewer).verify().reason
+    assert "positive" in replace(found, bound=np.nan).verify().reason
+
+
+def test_interrupts_keep_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = planted(8, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
+    usual, count = LinearModel.solve, [0]
+
+    def solve(self: LinearModel, *arguments: Any) -> Any:
+        count[0] += 1
+        if count[0] == last:
+            raise KeyboardInterrupt
+        return usual(self, *arguments)
+
+    monkeypatch.setattr(LinearModel, "solve", solve)
+    for last in (1, 5, 16, 17, 40):
+        count[0] = 0
+        found = neural.hidden_weights(structure(1, 0.0), data, 0.06, weights=3.0)
+        assert found.verify() and found.status == "partial" and count[0] == last
+        for name, truth in {"w1_1": 0.5, "w1_2": 1.0, "w1_3": -0.3, "b1": 0.2, "c": 0.1}.items():
+            low, high = found.intervals[name].outer
+            assert low <= truth <= high
+
+
+def test_interrupts_between_a_bound_and_its_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was moved without a step is moved back: only steps prove ends."""
+    data = planted(8, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
+    usual, count = hidden_weights.shrink, [0]
+
+    def shrink(*arguments: Any) -> None:
+        usual(*arguments)
+        count[0] += 1
+        if count[0] == 4:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(hidden_weights, "shrink", shrink)
+    found = neural.hidden_weights(structure(1, 0.0), data, 0.06, weights=3.0)
+    assert count[0] > 4 and found.verify() and len(found.choices[0].steps) == 2

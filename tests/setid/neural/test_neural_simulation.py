@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 import setid
 from setid import neural
-from setid.neural.arithmetic import Interval, enclose
+from setid.neural.arithmetic import Interval, LinearModel, enclose
 from setid.neural.simulations.forms import Form, activation
 
 RNG = np.random.default_rng
@@ -219,3 +220,54 @@ def test_forms_beside_saturated_entries_hold_their_ranges() -> None:
             centre, radius = Fraction(found.centre[k]), Fraction(found.radius[k])
             assert centre - radius <= Fraction(exact.lo[k])
             assert Fraction(exact.hi[k]) <= centre + radius
+
+
+def test_infinite_errors_are_not_called_proved() -> None:
+    """A state that grows beyond all limits attains nothing, although inf <= 1e-3 inf."""
+    net = neural.Elman([([[1.0]], [[3.0]], [0.0])], ([[1.0]], [0.0]), "identity")
+    data = setid.IOData(np.cos(np.arange(60.0)), np.zeros(60))
+    found = neural.output_error(net, data, [[-1.0, 1.0]], nodes=3)
+    assert found.upper_bound == np.inf and found.status == "partial" and found.verify()
+    assert not replace(found, status=neural.Status.PROVED).verify()
+
+
+def test_interrupted_output_errors_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    net = network("nss")
+    data = setid.IOData(RNG(6).uniform(-1, 1, size=6), RNG(8).uniform(-1, 1, size=6))
+    whole = neural.output_error(net, data, [[-1.0, 1.0]] * 2, nodes=9)
+    usual, count = LinearModel.solve, [0]
+
+    def solve(self: LinearModel, *arguments: Any) -> Any:
+        count[0] += 1
+        if count[0] == last:
+            raise KeyboardInterrupt
+        return usual(self, *arguments)
+
+    monkeypatch.setattr(LinearModel, "solve", solve)
+    for last in (2, 3, 4):  # the first half of a box, the second, and one of another box
+        count[0] = 0
+        found = neural.output_error(net, data, [[-1.0, 1.0]] * 2, tolerance=0.0)
+        assert count[0] == last and found.verify()
+        assert found.nodes == 1 + 2 * ((last - 2) // 2)
+        assert found.lower_bound <= whole.upper_bound
+    last, count[0] = 1, 0
+    with pytest.raises(KeyboardInterrupt):
+        neural.output_error(net, data, [[-1.0, 1.0]] * 2)
+
+
+@pytest.mark.parametrize("name", ["tanh", "sigmoid", "algebraic"])
+@pytest.mark.parametrize("weight", [1e8, 1e17, 1e300])
+def test_bands_of_saturated_networks_stay_finite(name: str, weight: float) -> None:
+    """The two lines around a step of height 2 are 2 apart, whatever its slope."""
+    net = neural.Elman([([[1.0]], [[weight]], [0.3])], None, name)
+    data = setid.IOData(np.sin(np.arange(5.0)), np.zeros(5))
+    found = neural.simulate_band(net, data, [[-1.0, 1.0]])
+    assert found.status == "proved" and np.all(found.high <= 2.01) and np.all(found.low >= -2.01)
+    for start in (-1.0, 0.0, 1e-9, 1.0):
+        inside = net.simulate(data, [start])
+        assert np.all(found.low <= inside) and np.all(inside <= found.high)
+
+
+def test_a_radius_that_is_no_number_bounds_nothing() -> None:
+    found = Form(np.zeros(1), np.ones((1, 1)), np.array([np.nan])).promoted().range()
+    assert found.lo[0] == -np.inf and found.hi[0] == np.inf

@@ -6,13 +6,14 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import setid
 from setid import neural
-from setid.neural.arithmetic import Interval
+from setid.neural.arithmetic import Interval, LinearModel
 from setid.neural.training import smooth_members, smooth_weights
 from setid.neural.training.smooth_weights import WeightStep
 
@@ -189,3 +190,39 @@ def test_branches_at_no_number_leave_all_weights(at: float) -> None:
     task = smooth_weights._Task.of(structure("tanh", 2), planted("tanh", 12, 0.02), 0.03, 2.0)
     low, high, _ = task.drawn((WeightStep((1, 2), 4, at), WeightStep(), WeightStep()))
     assert np.all(low[:8] == -2.0) and np.all(high[:8] == 2.0)
+
+
+def test_proofs_are_about_their_structure_and_say_their_assumptions(
+    found: neural.SmoothHiddenWeights,
+) -> None:
+    given = found.net.network
+    deep = neural.Network([*given.weights, [[1.0]]], [*given.biases, [0.0]], "tanh")
+    bent = neural.Network(given.weights, given.biases, ["tanh", "relu"])
+    sharp = neural.Network(given.weights, given.biases, "relu")
+    none = found.members[:0]
+    for other in (deep, bent, sharp):
+        forged = replace(found, net=neural.NNARX(other, 1), members=none)
+        assert "structure" in forged.verify().reason
+    for number in range(len(found.assumptions)):
+        fewer = found.assumptions[:number] + found.assumptions[number + 1 :]
+        assert "assumption" in replace(found, assumptions=fewer).verify().reason
+    assert "positive" in replace(found, bound=np.nan).verify().reason
+
+
+def test_interrupts_keep_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, count = LinearModel.solve, [0]
+
+    def solve(self: LinearModel, *arguments: Any) -> Any:
+        count[0] += 1
+        if count[0] == last:
+            raise KeyboardInterrupt
+        return usual(self, *arguments)
+
+    monkeypatch.setattr(LinearModel, "solve", solve)
+    for last in (2, 300):
+        count[0] = 0
+        data = planted("tanh", 12, 0.02)
+        part = neural.hidden_weights(structure("tanh"), data, 0.03, weights=2.0, time_limit=2.0)
+        assert part.verify() and part.status == "partial" and count[0] == last
+        for name, value in TRUTH.items():
+            assert part.intervals[name].outer[0] <= value <= part.intervals[name].outer[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from scipy.optimize import linprog
 import setid
 import sparsepop_py as sp
 from setid import neural
+from setid.neural.arithmetic import LinearModel
+from setid.neural.training import train_proved as searches
 
 
 def record(rows: int, seed: int = 0, noise: float = 0.1) -> setid.IOData:
@@ -320,3 +323,89 @@ def test_long_records_keep_the_time_limit(activation: str, method: str) -> None:
         found = neural.train_proved(net, data, weights=3.0, time_limit=0.5, method=method)
     assert time.process_time() - begin < 2.0
     assert found.verify()
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_neurons_of_identity_add_up(width: int) -> None:
+    """Together they have weights up to ``width`` times the bound: a linear program with those."""
+    data = record(12)
+    data = setid.IOData(data.u, 2.5 * data.u[:, 0] + data.y[:, 0])
+    phi, y = regressors(data)
+    found = neural.train_proved(structure(width, "identity"), data, weights=1.0)
+    one = np.ones((len(y), 1))
+    expected = linprog(
+        [0.0] * 5 + [1.0],
+        np.block([[phi, one, one, -one], [-phi, -one, -one, -one]]),
+        np.append(y, -y),
+        bounds=[(-width, width)] * 4 + [(None, None), (0, None)],
+    ).fun
+    assert found.status == "proved" and found.verify()
+    assert found.lower_bound <= expected + 1e-9 and found.upper_bound >= expected - 1e-9
+    assert not replace(found, lower_bound=expected * 1.01 + 1e-3).verify()
+
+
+def test_sigmoid_networks_stay_inside_when_signs_are_moved() -> None:
+    """-s(a) is s(-a) - 1: two neurons move an output bias of .54 to -1.46, beyond 1 + max |y|."""
+    u = np.linspace(-0.4, 0.4, 5)
+    inner = np.array([[0.0, 0.5, 0.0]] * 2)
+    given = neural.Network([inner, [[-1.0, -1.0]]], [[-1.0, -1.0], [0.54]], "sigmoid")
+    moved = neural.Network([-inner, [[1.0, 1.0]]], [[1.0, 1.0], [-1.46]], "sigmoid")
+    phi = np.column_stack([np.zeros(5), u, u])
+    data = setid.IOData(u, given(phi)[:, 0])
+    assert np.allclose(moved(phi), given(phi), atol=1e-12) and np.max(np.abs(data.y)) < 0.4
+    net = neural.NNARX(moved, 1)
+    found = neural.train_proved(net, data, weights=1.0, nodes=1)
+    error = float(neural.equation_error(net, data).upper_bound[0])
+    own = replace(found, net=net, upper_bound=error)
+    assert error < 1e-12 and found.lower_bound <= error
+    assert "outside" not in own.verify().reason
+    program = searches._boxes(moved, phi[1:], data.y[1:, 0], 1.0, found.cap)
+    assert program.columns(program.root())[0][-2] <= -1.46  # of the output bias
+
+
+def test_proofs_are_about_their_structure_alone() -> None:
+    data = record(6, noise=0.5)
+    found = neural.train_proved(structure(1, "relu"), data, weights=3.0)
+    given = found.net.network
+    layers = [*given.weights, [[1.0]]], [*given.biases, [0.0]]
+    others = [
+        neural.Network(*layers, "relu"),
+        neural.Network(given.weights, given.biases, ["relu", "tanh"]),
+    ]
+    for other in others:
+        net = neural.NNARX(other, 1)
+        upper = float(neural.equation_error(net, data).upper_bound[0])
+        for status in neural.Status.PROVED, neural.Status.PARTIAL:
+            forged = replace(found, net=net, upper_bound=upper, status=status)
+            assert "one hidden layer" in forged.verify().reason
+    assert "followed" in replace(found, cap=np.nan).verify().reason
+
+
+@pytest.mark.parametrize(("activation", "method"), [
+    ("relu", "patterns"), ("tanh", "patterns"), ("relu", "engine"),
+])  # fmt: skip
+def test_interrupts_keep_what_is_proved(
+    activation: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = record(6, noise=0.5)
+    given = structure(1, activation), data, 3.0
+    whole = neural.train_proved(*given, nodes=40, method=method)
+    usual, count = LinearModel.solve, [0]
+
+    def solve(self: LinearModel, *arguments: Any) -> Any:
+        count[0] += 1
+        if count[0] == last:
+            raise KeyboardInterrupt
+        return usual(self, *arguments)
+
+    monkeypatch.setattr(LinearModel, "solve", solve)
+    for last in (3, 4, 7, 8):
+        count[0] = 0
+        found = neural.train_proved(*given, nodes=40, method=method)
+        assert found.verify() and found.lower_bound <= whole.upper_bound
+        assert count[0] <= last or method == "engine"
+
+
+def test_envelopes_of_constants_are_refused() -> None:
+    found = neural.envelope("tanh", -1.0, 1.0)
+    assert not replace(found, coefficients=found.coefficients[:, :1]).verify()
