@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import wraps
+from typing import TypeVar
 
-from setid import ParameterInterval, Verification
+from setid import ParameterInterval, SetidError, Verification
 
-__all__ = ["Status", "agreed", "same_intervals"]
+__all__ = ["Status", "agreed", "same_intervals", "verdict"]
+
+Self = TypeVar("Self")
 
 
 class Status(StrEnum):
@@ -62,7 +66,7 @@ def agreed(*claims: tuple[bool, str]) -> Verification:
 def same_intervals(
     stated: Mapping[str, ParameterInterval], proved: Mapping[str, ParameterInterval]
 ) -> bool:
-    """Check that intervals have the same names, ends and statuses.
+    """Check that intervals have the same names, ends, statuses and witnesses.
 
     Examples
     --------
@@ -72,7 +76,29 @@ def same_intervals(
     (True, False)
     """
     return stated.keys() == proved.keys() and all(
-        (one.outer, one.inner, one.status)
-        == (proved[name].outer, proved[name].inner, proved[name].status)
+        (one.name, one.outer, one.inner, one.status, one.witnesses)
+        == (name, proved[name].outer, proved[name].inner, proved[name].status, (None, None))
         for name, one in stated.items()
     )
+
+
+def verdict(verify: Callable[[Self], Verification]) -> Callable[[Self], Verification]:
+    """Make a check return a verdict, also where fields do not fit each other.
+
+    Stored results come from anywhere: arrays of other shapes and missing parts are forgeries, for
+    which False is an answer and an exception is none.
+
+    Examples
+    --------
+    >>> verdict(lambda pair: agreed((pair[2] == 1, "it is not 1")))((0, 1))
+    Verification(ok=False, reason='the fields do not fit each other: tuple index out of range')
+    """
+
+    @wraps(verify)
+    def checked(self: Self) -> Verification:
+        try:
+            return verify(self)
+        except (SetidError, ValueError, TypeError, LookupError, AttributeError) as error:
+            return Verification(False, f"the fields do not fit each other: {error}")
+
+    return checked

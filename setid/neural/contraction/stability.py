@@ -29,7 +29,7 @@ from setid.neural.contraction.lmi import (
 )
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Condition", "Stability", "stability"]
@@ -205,6 +205,7 @@ class Stability:
         total = up(float(np.sum(gains)) * (1.0 + 1e-12))
         return np.asarray(up(up(total * states) + up(direct * inputs)), np.float64)
 
+    @verdict
     def verify(self) -> Verification:
         """Check all conditions that hold again, without any solver."""
         require_ieee()
@@ -220,7 +221,8 @@ class Stability:
             if not verdict:
                 return verdict
         stable = any(item.holds for item in self.conditions)
-        return agreed((stable == (self.status is Status.STABLE), "the status does not follow"))
+        wanted = Status.STABLE if stable else Status.OPEN
+        return agreed((self.status is wanted, "the status does not follow"))
 
     def __repr__(self) -> str:
         if self.status is not Status.STABLE:

@@ -11,7 +11,7 @@ from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
 from setid.neural.arithmetic import Interval, at_least, nowhere_above, require_ieee, up
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
@@ -65,6 +65,7 @@ class EquationError:
                 raise ModelError(f"error: found {error!r:.60}, expected bounds >= 0, one an output")
         return -up(-self.low + width), up(self.high + width)
 
+    @verdict
     def verify(self) -> Verification:
         """Compute the claims again from the network and the record."""
         again = equation_error(self.net, self.data)

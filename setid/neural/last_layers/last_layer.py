@@ -50,7 +50,7 @@ from setid.neural.last_layers.polytope import (
 )
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, same_intervals
+from setid.neural.status import Status, agreed, same_intervals, verdict
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
@@ -138,6 +138,7 @@ class LayerBand:
         count = int(np.count_nonzero(~np.isnan(self.reading_low)))
         return f"<LayerBand: {count} readings, {self.width:.4g} wide, {len(self.outside)} outside>"
 
+    @verdict
     def verify(self) -> Verification:
         """Draw the conclusions again from the stored multipliers, without any solver."""
         inner = self.result.verify()
@@ -236,6 +237,7 @@ class LastLayer:
         """
         return _band(self, self.data if data is None else data, None)
 
+    @verdict
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
         if self.net.network.activation[-1] != "identity":
@@ -447,7 +449,7 @@ def _solve_uncertain(rows: Rows) -> OutputSet:
     m, none = rows.size, np.zeros((0, rows.size))
     box = parameter_box(_regression(rows))
     factor = _least_of(box)
-    reach = np.maximum(np.abs(box.lower), np.abs(box.upper))
+    reach = _reach_of(box)
     dual = np.zeros((2 * m, rows.target.size))
     outer = Interval(np.array(box.lower), np.array(box.upper))
     return OutputSet(
@@ -458,6 +460,11 @@ def _solve_uncertain(rows: Rows) -> OutputSet:
 def _least_of(box: ParameterBox) -> float:
     """Multiple of the noise bound that a box proves to be needed: more than 1 where it is empty."""
     return float(np.nextafter(1.0, 2.0)) if np.any(box.lower > box.upper) else 0.0
+
+
+def _reach_of(box: ParameterBox) -> Reals:
+    """Bound of abs(theta) in a box."""
+    return np.asarray(np.maximum(np.abs(box.lower), np.abs(box.upper)), np.float64)
 
 
 def _regression(rows: Rows) -> Regression:
@@ -484,6 +491,7 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
             ),
             (item.factor[0] <= _least_of(item.box), "the least noise bound is not proved"),
             (item.factor[1] == np.inf, "the attained noise bound"),
+            (at_least(item.reach, _reach_of(item.box)), "the size of theta is not proved"),
             (item.inner is None and not item.inside.size, "members of an uncertain set"),
         )
     shape = (2 * rows.size, rows.target.size)

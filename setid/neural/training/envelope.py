@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
-from setid.neural.status import agreed
+from setid.neural.status import agreed, verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Envelope", "envelope"]
@@ -59,6 +59,7 @@ class Envelope:
             value = value * t + self.coefficients[piece, k]
         return value
 
+    @verdict
     def verify(self) -> Verification:
         """Prove the distance again from the coefficients."""
         if not self._pieces_fit():

@@ -26,7 +26,7 @@ from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed
+from setid.neural.status import Status, agreed, verdict
 from setid.neural.training.engine import (
     TrainingProblem,
     proved_by_certificate,
@@ -90,6 +90,7 @@ class ProvedTraining:
     trees: Mapping[tuple[float, ...], Any]
     cap: float
 
+    @verdict
     def verify(self) -> Verification:
         """Prove both bounds again, without any solver."""
         if not has_hidden_layer(self.net):
@@ -103,7 +104,7 @@ class ProvedTraining:
             (reached <= self.upper_bound, "the network does not attain the upper bound"),
             (inside, "the network is outside the range of weights"),
             (0.0 < self.cap < np.inf, "the largest error that is followed is none"),
-            (closed == (self.status is Status.PROVED), "the status does not follow"),
+            (self.status is (Status.PROVED if closed else Status.PARTIAL), "the status"),
         )
         if not first:
             return first

@@ -389,3 +389,50 @@ def test_interrupts_of_a_selection_keep_what_is_done(monkeypatch: pytest.MonkeyP
     last, count[0] = 1, 0
     with pytest.raises(KeyboardInterrupt):
         neural.select(*data.split(25), orders=[1], widths=[1], starts=1)
+
+
+def test_intervals_have_their_own_names_and_sets_their_sizes() -> None:
+    net, data = plant(40, 0.05)
+    found = neural.last_layer(net, data, setid.Noise(equation=0.2, output=0.02))
+    assert found.verify()
+    other = {**found.intervals, "w1": replace(found.intervals["w1"], name="b")}
+    assert not replace(found, intervals=other).verify()
+    (item,) = found.sets
+    assert item.box is not None
+    assert not replace(found, sets=(replace(item, reach=0.5 * item.reach),)).verify()
+
+
+def test_statuses_follow_and_fields_that_do_not_fit_are_no_error() -> None:
+    """Every other status is a forgery, also of what is only partly proved."""
+    net, data = plant(9, 0.05)
+    elman = neural.Elman([([[1.0]], [[0.5]], [0.1])], ([[1.0]], [0.0]))
+    results = [
+        neural.last_layer(net, data),
+        neural.equation_error(net, data),
+        neural.train_proved(net, data, weights=1.0, nodes=1),
+        neural.output_error(elman, data, [[-1.0, 1.0]], nodes=1),
+        neural.output_error(elman, data, [[-1.0, 1.0]]),
+        neural.simulate_band(elman, data, [[-1.0, 1.0]]),
+        neural.stability(elman, lmi=False),
+        neural.stability(neural.Elman([([[1.0]], [[2.0]], [0.1])]), lmi=False),
+    ]
+    for found in results:
+        assert found.verify()
+        for status in neural.Status:
+            assert bool(replace(found, status=status).verify()) == (status is found.status)
+    layer, error, trained, output, _, band, stable, _ = results
+    short = replace(layer.sets[0], centre=np.zeros(1))
+    narrow = Interval(np.zeros((2, 1)), np.zeros(1))
+    for forged in (
+        replace(layer, sets=(short,)),
+        replace(layer, sets=(replace(layer.sets[0], factor=()),)),
+        replace(layer.band(), dual=()),
+        replace(error, data=setid.IOData([[0.0, 1.0], [1.0, 0.0], [1.0, 1.0]], [0, 0, 1])),
+        replace(trained, data=None),
+        replace(output, x0=np.zeros(3)),
+        replace(output, horizon=-10),
+        replace(band, x0=narrow),
+        replace(stable, net=None),
+    ):
+        verdict = forged.verify()
+        assert not verdict and verdict.reason, forged
