@@ -17,10 +17,11 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits
 from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.identification import Identification
 from setid.result.progress import Progress
 
-__all__ = ["intervals_of", "is_closed", "is_open", "report_ends"]
+__all__ = ["intervals_of", "is_closed", "is_open", "report_ends", "with_unbounded"]
 
 
 def is_open(item: ParameterInterval) -> bool:
@@ -141,3 +142,28 @@ def report_ends(
             progress.report(2 * place + 1, -item.outer[1], -high)
     finally:
         progress.close()
+
+
+def with_unbounded(
+    item: ParameterInterval,
+    unbounded: Unbounded | None,
+    free: tuple[str, ...],
+    witness: NDArray[np.float64] | None,
+) -> ParameterInterval:
+    """State what is proved of a parameter that nothing bounds.
+
+    Parameters
+    ----------
+    item : ParameterInterval
+    unbounded : Unbounded or None
+        Parameters that a common factor leaves unbounded.
+    free : tuple of str
+        Parameters that no row speaks of.
+    witness : (n,) float or None
+        A consistent vector, for these.
+    """
+    if item.name in free:
+        ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
+        return ParameterInterval(item.name, ends, ends, status, (witness, witness))
+    proved = unbounded is not None and item.name in unbounded.names
+    return replace(item, status=IntervalStatus.UNBOUNDED) if proved else item

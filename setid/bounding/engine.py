@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -13,73 +13,37 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
-from setid.bounding.ends import intervals_of
+from setid.bounding.ends import intervals_of, with_unbounded
 from setid.bounding.long_records import is_long
 from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import Repair, first_point
-from setid.feasible_points.sums import ends_with_sums
+from setid.feasible_points.sums import ends_of_long_record
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation, count_equations, multiplied_out
 from setid.formulation.lifting import LIFTED
 from setid.formulation.units import InUnits, in_units
-from setid.identifiability.common_factor import find_unbounded
 from setid.minimum_noise.conflicting_samples import conflicting_samples
 from setid.proofs.existence import proved_point, solved_rows
-from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import objectives
 from setid.proofs.uniqueness.free_parameters import free_parameters
-from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.assembling import (
     Outcome,
-    free_text,
     signals_text,
-    simpler_text,
     stated_problem,
-    unbounded_text,
 )
 from setid.result.identification import Identification
 from setid.result.progress import Progress
 from sparsepop_py.budget import Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
-__all__ = ["NO_BOX", "STOPPED", "by_engine", "recheck_results", "without_box"]
+__all__ = ["NO_BOX", "STOPPED", "by_engine", "points_at_ends", "recheck_results"]
 
 NO_BOX = "time ended in the search for a box from the data: give more time"
 STOPPED = "interrupted in the search for a box from the data"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
 _LONG = 1000  # equations beyond which the engine solves no system at once
-
-
-def without_box(
-    formulation: Formulation, context: BoundingContext, outcome: Outcome, loose: NDArray[np.int64]
-) -> Identification:
-    """Say what is proved where some parameters have no finite box.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    context : BoundingContext
-    outcome : Outcome
-        With the problem on the box.
-    loose : (m,) int
-        Places of these parameters.
-    """
-    free, alone = free_parameters(formulation)
-    unbounded: Unbounded | None = None
-    if not free:
-        find = partial(find_unbounded, formulation, context.until)
-        unbounded = context.kept("common factor", find, None)
-    why: tuple[str, ...] = ()
-    if unbounded is not None:
-        why = simpler_text(unbounded)
-    elif not {NO_BOX, STOPPED} & set(outcome.notes):  # more time may give a box
-        why = (unbounded_text(formulation, loose),)
-    notes = (*outcome.notes, *(free_text(free) or why))
-    scaled = in_units(stated_problem(outcome), formulation)
-    items = intervals_of(formulation, scaled, (), context.settings.tol)
-    items = [_with_unbounded(item, unbounded, free, alone) for item in items]
-    return context.result(formulation, items, replace(outcome, notes=notes, unbounded=unbounded))
 
 
 def by_engine(
@@ -128,25 +92,11 @@ def by_engine(
         )
         return context.empty(formulation, replace(outcome, samples=keys))
     items = intervals_of(formulation, scaled, results, context.settings.tol)
-    items = [_with_unbounded(item, None, free, alone) for item in items]
+    items = [with_unbounded(item, None, free, alone) for item in items]
     if any(item.status is IntervalStatus.PARTIAL for item in items):
         why = signals_text(formulation, stated_problem(outcome))
         outcome = replace(outcome, notes=(*outcome.notes, *why))
     return context.result(formulation, items, outcome)
-
-
-def _with_unbounded(
-    item: ParameterInterval,
-    unbounded: Unbounded | None,
-    free: tuple[str, ...],
-    witness: NDArray[np.float64] | None,
-) -> ParameterInterval:
-    """An interval with what is proved of parameters that nothing bounds."""
-    if item.name in free:
-        ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
-        return ParameterInterval(item.name, ends, ends, status, (witness, witness))
-    proved = unbounded is not None and item.name in unbounded.names
-    return replace(item, status=IntervalStatus.UNBOUNDED) if proved else item
 
 
 def _solve(
@@ -242,15 +192,53 @@ def _start(
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
     elif long:
-        found = ends_with_sums(formulation, problem, start, deadline)
+        found = ends_of_long_record(formulation, problem, start, deadline)
     at_ends = long and bool(found)
     if not found and _many_sums(formulation) and not coupled(formulation):
         found = _ends_without_sums(formulation, problem, start)
     if not found and long:
         found = [start]
+    return start, _proved(formulation, scaled, found), at_ends
+
+
+def points_at_ends(
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    start: NDArray[np.float64],
+    deadline: Deadline,
+) -> list[sp.ProvedPoint]:
+    """Search for the ends of all parameters, and prove the points that are found.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sparsepop_py.Problem
+        Its problem on a finite box of the parameters, where to search.
+    scaled : InUnits
+        The problem that the points are proved to be consistent with.
+    start : (n,) float
+        A nearly feasible vector.
+    deadline : Deadline
+    """
+    if coupled(formulation):
+        found = [end.x for end in search_ends(formulation, problem, start)]
+    elif is_long(formulation):
+        found = ends_of_long_record(formulation, problem, start, deadline)
+    elif _many_sums(formulation):
+        found = _ends_without_sums(formulation, problem, start)
+    else:
+        found = [end.x for end in search_ends(formulation, problem, start)]
+    return _proved(formulation, scaled, found)
+
+
+def _proved(
+    formulation: Formulation, scaled: InUnits, found: Iterable[NDArray[np.float64]]
+) -> list[sp.ProvedPoint]:
+    """Keep the vectors that are proved to be consistent, as points in units."""
     known = solved_rows(formulation, scaled.problem)
     again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
-    return start, [point for point in again if point is not None], at_ends
+    return [point for point in again if point is not None]
 
 
 def _many_sums(formulation: Formulation) -> bool:

@@ -21,10 +21,11 @@ import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.driven_rows import by_driven_rows
 from setid.bounding.ends import is_closed, is_open
-from setid.bounding.engine import NO_BOX, STOPPED, by_engine, without_box
+from setid.bounding.engine import NO_BOX, STOPPED, by_engine
 from setid.bounding.linear import at_linear_ends, by_linear_programs
 from setid.bounding.long_records import long_record
 from setid.bounding.simulations import by_simulation
+from setid.bounding.without_box import without_box
 from setid.data.checks import FrozenMapping
 from setid.feasible_points.cascades import (
     cascade_of,

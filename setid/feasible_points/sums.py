@@ -19,10 +19,10 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import Sum, lift
 from setid.models.equations import Term
 from setid.proofs.simulated.forms import Form, Region, constant, plus, times
-from setid.proofs.simulated.outputs import Recursion, recursion_from
+from setid.proofs.simulated.outputs import Recursion, recursion_from, recursion_of
 from sparsepop_py.budget import Deadline
 
-__all__ = ["SumsRecursion", "ends_with_sums", "sums_recursion"]
+__all__ = ["SumsRecursion", "ends_of_long_record", "sums_recursion"]
 
 Reals = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def sums_recursion(formulation: Formulation) -> SumsRecursion | None:
     )
 
 
-def ends_with_sums(
+def ends_of_long_record(
     formulation: Formulation, problem: sp.Problem, first: Reals, deadline: Deadline
 ) -> list[Reals]:
     """Search for consistent vectors at the ends of all parameters.
@@ -101,7 +101,10 @@ def ends_with_sums(
     list of (n,) float
         Two a parameter; none where no simulation is within the noise.
     """
-    parts, p = sums_recursion(formulation), len(formulation.parameters)
+    parts: Recursion | None = sums_recursion(formulation)
+    if not formulation.sums:
+        parts = recursion_of(formulation)
+    p = len(formulation.parameters)
     if parts is None or not np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return []
     lower, upper = parts.box(problem.lower[:p], problem.upper[:p])

@@ -136,15 +136,15 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     model = formulation.model
     if isinstance(model, BlockStructured) and formulation.products is None:
         return (
-            f"the data give no finite bounds of {names}: the outputs are no sums of products of "
+            f"no finite bounds of {names} were found: the outputs are no sums of products of "
             f"measured signals; give Box for {names}{_other_way(formulation)}"
         )
     apart = dependent_text(formulation)
     if apart:
         return f"the data give no finite bounds of {names}: {apart}"
     return (
-        f"the data give no finite bounds of {names}: the noise is strong for this input; give "
-        "a prior such as Box or Stable, a longer record, or more excitation"
+        f"no finite bounds of {names} were found: the noise is strong for this input; give a "
+        "prior such as Box or Stable, a longer record, or more excitation"
     )
 
 

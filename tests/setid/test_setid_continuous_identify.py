@@ -219,7 +219,7 @@ def test_without_a_box_the_variables_are_named() -> None:
     data, _ = sampled(0.4, 10)
     loud = setid.Noise(output=2.0)
     result = setid.identify(data, C(2, 1), loud, options=QUICK)
-    assert "the data give no finite bounds of a1, a0, b1, b0" in result.notes[0]
+    assert "no finite bounds of a1, a0, b1, b0 were found" in result.notes[0]
     box = setid.Box({name: (0.5 * value, 2 * value) for name, value in PLANT.items()})
     boxed = setid.identify(data, C(2, 1), loud, [box], QUICK)
     assert holds_truth(boxed) and all(np.isfinite(i.width) for i in boxed.intervals.values())

@@ -12,7 +12,7 @@ import sparsepop_py as sp
 from setid.bounding import engine
 from setid.feasible_points.members import noise_level
 from setid.feasible_points.simulations import Fitting
-from setid.feasible_points.sums import ends_with_sums, sums_recursion
+from setid.feasible_points.sums import ends_of_long_record, sums_recursion
 from setid.formulation.units import in_units
 from setid.models.lti import Form
 from setid.simulation.responses import run
@@ -71,7 +71,7 @@ def test_ends_are_those_that_are_proved() -> None:
     )
     problem = on_box(formulation, 0.2)
     first = np.append(THETA + 0.05, np.zeros(problem.dimension - 4))
-    ends = np.array(ends_with_sums(formulation, problem, first, Deadline(None)))
+    ends = np.array(ends_of_long_record(formulation, problem, first, Deadline(None)))
     assert ends.shape == (8, problem.dimension)
     assert all(noise_level(formulation, end[:4]) <= 1.0 + 1e-9 for end in ends)
     low, high = found.outer_box
@@ -89,8 +89,8 @@ def test_other_records_have_none() -> None:
     first = np.append(THETA, np.zeros(problem.dimension - 4))
     tiny = setid.Noise(output=1e-4)  # no simulation is within it
     less = setid.formulate(known.data, known.model, tiny)
-    assert ends_with_sums(less, on_box(less, 0.2), first, Deadline(None)) == []
-    assert ends_with_sums(known, known.problem, first, Deadline(None)) == []  # no box
+    assert ends_of_long_record(less, on_box(less, 0.2), first, Deadline(None)) == []
+    assert ends_of_long_record(known, known.problem, first, Deadline(None)) == []  # no box
     noisy = setid.Noise(output=0.05, input=0.01)
     assert sums_recursion(setid.formulate(known.data, known.model, noisy)) is None
     one = setid.TransferFunction(1, 1, nk=1)

@@ -1,0 +1,87 @@
+"""Where no box of the parameters is finite, consistent parameters are attained all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+import setid
+
+SAMPLES, NOISE = 22, 0.1
+
+
+def record() -> tuple[setid.TransferFunction, setid.IOData]:
+    """Two inputs of order 2, each with a denominator of its own."""
+    model = setid.TransferFunction(2, 2, 1, inputs=2)
+    truth = (-1.2, 0.5, -0.8, 0.2, 0.3, -0.5, -0.9, 0.6)
+    source = np.random.default_rng(1)
+    u = source.uniform(-1.0, 1.0, (SAMPLES, 2))
+    clean = setid.simulate(model, truth, u)
+    return model, setid.IOData(u, clean + source.uniform(-NOISE, NOISE, clean.shape))
+
+
+def least_error(data: setid.IOData, theta: NDArray[np.float64]) -> float:
+    """The largest output error with the best first samples, by a linear program of its own.
+
+    Each input's output starts from two numbers of its own: it is a sum of their responses.
+    """
+    columns, forced = [], np.zeros(data.samples)
+    for channel, (a, b) in enumerate(((theta[:2], theta[4:6]), (theta[2:4], theta[6:8]))):
+        for start in np.vstack([np.eye(2), np.zeros((1, 2))]):
+            x = list(start)
+            for k in range(2, data.samples):
+                drive = b[0] * data.u[k - 1, channel] + b[1] * data.u[k - 2, channel]
+                x.append(-a[0] * x[-1] - a[1] * x[-2] + (0.0 if np.any(start) else drive))
+            if np.any(start):
+                columns.append(x)
+            else:
+                forced += x
+    free, ones = np.array(columns).T, np.ones((data.samples, 1))
+    target = data.y[:, 0] - forced
+    rows = np.vstack([np.hstack([free, -ones]), np.hstack([-free, -ones])])
+    goal = np.append(np.zeros(free.shape[1]), 1.0)
+    found = linprog(goal, rows, np.concatenate([target, -target]), bounds=(None, None))
+    return float(found.fun)
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    model, data = record()
+    return setid.identify(data, model, setid.Noise(output=NOISE))
+
+
+def test_parameters_at_inner_ends_are_consistent(result: setid.Identification) -> None:
+    """They need no more than the noise bound, and nearly all of it: they are at an end."""
+    data = record()[1]
+    assert result.status is setid.IntervalStatus.PARTIAL
+    assert "no finite bounds of" in " ".join(result.notes)
+    for place, item in enumerate(result.intervals.values()):
+        assert item.outer == (-np.inf, np.inf)
+        assert item.inner is not None and item.inner[0] < item.inner[1]
+        for end, witness in zip(item.inner, item.witnesses, strict=True):
+            assert witness is not None and witness[place] == pytest.approx(end)
+            assert 0.9 * NOISE < least_error(data, witness[:8]) < (1.0 + 1e-6) * NOISE
+
+
+def test_attained_ends_are_verified_and_stored(result: setid.Identification) -> None:
+    assert result.verify() and setid.verify(result, record()[1])
+    again = setid.Identification.from_json(result.to_json())
+    assert [i.inner for i in again.intervals.values()] == [
+        i.inner for i in result.intervals.values()
+    ]
+
+
+def test_an_interrupted_search_leaves_what_is_proved(
+    result: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("setid.bounding.methods.find_box", lambda *_: result.evidence.box)
+    monkeypatch.setattr("setid.bounding.without_box.points_at_ends", interrupted)
+    model, data = record()
+    found = setid.identify(data, model, setid.Noise(output=NOISE))
+    assert all(item.inner is None for item in found.intervals.values())
+    assert found.verify()
