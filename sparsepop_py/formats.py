@@ -107,12 +107,13 @@ def read(path: PathLike) -> Problem | RationalProblem:
     >>> sp.read("square.txt").dimension
     1
     """
-    reader = _format(path).read
+    reader, ending = _format(path).read, as_path(path).suffix.lower()
     try:
-        found = reader(path)
-    except ProblemError as error:
-        named = str(error).startswith(f"{path}:")
-        raise type(error)(str(error) if named else f"{path}: {error}") from error
+        found = FORMATS.ask(ending, reader, path)
+    except (ProblemError, FormatError) as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
     kinds = (Problem, RationalProblem)
     problem = found if isinstance(found, kinds) else getattr(found, "problem", None)
     if not isinstance(problem, kinds):
@@ -198,7 +199,7 @@ def write(problem: Problem | RationalProblem, path: PathLike) -> None:
     found = _format(path)
     if found.write is None:
         raise FormatError(f"{path}: this format is only read")
-    found.write(problem, path)
+    FORMATS.ask(as_path(path).suffix.lower(), found.write, problem, path)
 
 
 def _format(path: PathLike) -> Format:

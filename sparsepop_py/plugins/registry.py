@@ -10,10 +10,11 @@ Only producers are plugged in. The steps and arguments that the verifier accepts
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+from sparsepop_py.budget import LimitReached
 from sparsepop_py.errors import SparsePOPError
 
 __all__ = ["Registry"]
@@ -35,6 +36,8 @@ class Registry(Generic[Entry]):
         The class of each entry; by default functions and what else can be called.
     prefix : str
         With which each name begins.
+    raised : type of SparsePOPError, optional
+        What an exception of an entry becomes; ``error`` when left out.
 
     Examples
     --------
@@ -54,9 +57,11 @@ class Registry(Generic[Entry]):
         error: type[SparsePOPError] = SparsePOPError,
         of: type | None = None,
         prefix: str = "",
+        raised: type[SparsePOPError] | None = None,
     ) -> None:
         self.kind, self._entries, self._error = kind, dict(entries), error
-        self._of, self._prefix = of, prefix
+        self._of, self._prefix, self._raised = of, prefix, raised or error
+        self._own = frozenset(entries)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
@@ -123,6 +128,54 @@ class Registry(Generic[Entry]):
         elif not all(entry.partition(":")):
             raise self._error(f"{self.kind} {name!r}: found {entry!r}, expected 'module:attribute'")
         self._entries[name] = entry
+
+    def plugged(self, name: str) -> bool:
+        """Check that an entry was registered from outside.
+
+        Parameters
+        ----------
+        name : str
+        """
+        return name in self._entries and name not in self._own
+
+    def ask(self, name: str, function: Callable[..., Any], *given: Any) -> Any:
+        """Call a function of an entry; name the entry where it raises.
+
+        Parameters
+        ----------
+        name : str
+            Of the entry.
+        function : callable
+        given : objects
+
+        Raises
+        ------
+        SparsePOPError
+            If an entry from outside raises an exception, which is its cause. The end of the time
+            and interrupts pass.
+
+        Examples
+        --------
+        >>> from sparsepop_py.plugins.registry import Registry
+        >>> roots = Registry("root", {})
+        >>> roots.register("inverse", lambda x: 1 / x)
+        >>> roots.ask("inverse", roots["inverse"], 2)
+        0.5
+        """
+        if not self.plugged(name):
+            return function(*given)
+        try:
+            return function(*given)
+        except LimitReached:
+            raise
+        except SparsePOPError as error:
+            if f"{self.kind} {name!r}" in str(error):
+                raise
+            raise type(error)(f"{self.kind} {name!r}: {error}") from error
+        except Exception as error:  # whatever an entry does wrong
+            raise self._raised(
+                f"{self.kind} {name!r}: raised {type(error).__name__}: {error}"
+            ) from error
 
     def unregister(self, name: str) -> None:
         """Take an entry out again, as tests do.

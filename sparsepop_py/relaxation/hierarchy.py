@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from math import comb
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import (
@@ -30,7 +30,7 @@ from sparsepop_py.relaxation.moment import (
     relax,
     shape_sizes,
 )
-from sparsepop_py.relaxation.shapes import Products, mixed_sizes
+from sparsepop_py.relaxation.shapes import SHAPES, Products, mixed_sizes
 from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -321,7 +321,7 @@ def relaxation_specs(
     """
     specs = []
     if first is None or first == 1:
-        specs = [r for source in SPECS for r in SPECS[source](problem, cliques, objectives)]
+        specs = [r for source in SPECS for r in _offered(source, problem, cliques, objectives)]
         specs += _partial_orders(problem, objectives)
     specs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
     if "components" in skip:
@@ -370,6 +370,44 @@ class SpecSource(Protocol):
 SPECS: Registry[SpecSource] = Registry(
     "relaxations", {"below order 2": _below_orders}, ProblemError
 )
+
+
+def _offered(
+    source: str, problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
+) -> list[RelaxationSpec]:
+    """List what a source offers; what comes from outside is checked."""
+    found = SPECS.ask(source, SPECS[source], problem, cliques, objectives)
+    if SPECS.plugged(source):
+        place = f"relaxations {source!r}"
+        if not isinstance(found, (list, tuple)):
+            kind = type(found).__name__
+            raise ProblemError(f"{place}: found {kind}, expected a list of RelaxationSpec")
+        for spec in found:
+            _check_spec(spec, place)
+    return list(found)
+
+
+def _check_spec(spec: Any, place: str) -> None:
+    """Check a relaxation that is offered from outside."""
+    check_kind(spec, RelaxationSpec, place)
+    shapes = ("full", *SHAPES)
+    full = spec.shape == "full"
+    order = isinstance(spec.order, int) and not isinstance(spec.order, bool) and spec.order > 0
+    numbers = isinstance(spec.share, (int, float)) and isinstance(spec.memory, (int, float))
+    checks = (
+        ("name", isinstance(spec.name, str) and bool(spec.name), "a text"),
+        ("share", numbers and 0.0 <= spec.share <= 1.0, "a number from 0 to 1"),
+        ("plain", spec.plain is None or isinstance(spec.plain, RelaxationSpec), "a RelaxationSpec"),
+        ("memory", numbers and spec.memory > 0.0, "a number > 0"),
+        ("shape", spec.shape in shapes, f"one of {', '.join(shapes)}"),
+        ("order", order if full else spec.order is None or order, "an integer > 0"),
+        ("terms", spec.terms in get_args(Terms), f"one of {', '.join(get_args(Terms))}"),
+        ("joined", spec.joined in get_args(Joined), f"one of {', '.join(get_args(Joined))}"),
+    )
+    for field_, good, expected in checks:
+        if not good:
+            found = getattr(spec, field_)
+            raise ProblemError(f"{place}: found {field_}={found!r:.60}, expected {expected}")
 
 
 def _partial_orders(problem: Problem, objectives: tuple[Polynomial, ...]) -> list[RelaxationSpec]:

@@ -35,6 +35,7 @@ from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, matrix_block
+from sparsepop_py.relaxation.checked_blocks import checked_blocks
 from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = ["SHAPES", "Products", "ShapeBuilder", "mixed_sizes", "shaped_blocks"]
@@ -171,9 +172,11 @@ def shaped_blocks(
     Raises
     ------
     ProblemError
-        If no shape has that name.
+        If no shape has that name, or a registered one raises or returns something else than blocks.
     """
-    blocks = SHAPES[shape](problem, cliques, system, objectives)
+    blocks = SHAPES.ask(shape, SHAPES[shape], problem, cliques, system, objectives)
+    if SHAPES.plugged(shape):
+        blocks = checked_blocks(blocks, f"shape {shape!r}", problem, len(cliques.members), system)
     builder = _Builder(problem, cliques, blocks=blocks)
     single = generators.count(len(problem.constraints), problem.dimension)
     builder.rows(np.arange(single, system.size))

@@ -9,6 +9,7 @@ and register it; ``Options(solver=...)`` then knows its name.
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from sparsepop_py.budget import TOO_LONG, pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
-from sparsepop_py.errors import SolverNotFound, check_kind
+from sparsepop_py.errors import SolverNotFound, SparsePOPError, check_kind
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 
@@ -50,6 +51,7 @@ SOLVERS: Registry[ConicSolver] = Registry(
         "cliquetree": "sparsepop_py.solvers.cliquetree:clique_tree",
     },
     SolverNotFound,
+    raised=SparsePOPError,
 )
 # Solvers with a name of their own behind a colon: the function makes a solver of the rest.
 _FAMILIES = {"cvxpy": "sparsepop_py.solvers.cvxpy_:solver_of"}
@@ -153,6 +155,15 @@ def require_solver(name: str) -> None:
         _solver(name)
 
 
+def _computed_again(program: ConicProgram, found: ConicSolution, solver: str) -> ConicSolution:
+    """Compute what follows from y and z, whatever a solver from outside says of it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # complex numbers
+        y, z = np.asarray(found.y, float), np.asarray(found.z, float)
+    counts = max(0, int(found.iterations)), float(found.seconds)
+    return solution(program, found.status, y, z, *counts, solver, str(found.detail))
+
+
 def solve_conic(
     program: ConicProgram,
     solver: str = "clarabel",
@@ -193,6 +204,8 @@ def solve_conic(
         If it is no conic program.
     SolverNotFound
         If the name is unknown or the package is missing.
+    SparsePOPError
+        If a solver that was registered raises, or returns no solution of this program.
 
     Examples
     --------
@@ -210,7 +223,9 @@ def solve_conic(
     start = time.perf_counter()
     if time_limit is not None and least_seconds(program.cones.psd, solver) > time_limit:
         return _not_begun(program, solver)
-    found = _solver(solver)(program, settings)
+    found = SOLVERS.ask(solver, _solver(solver), program, settings)
     check_kind(found, ConicSolution, f"what the solver {solver!r} returned")
+    if SOLVERS.plugged(solver):
+        found = SOLVERS.ask(solver, _computed_again, program, found, solver)
     spend(found.iterations * _iteration_work(program))
     return replace(found, wall=time.perf_counter() - start)
