@@ -32,6 +32,7 @@ from setid.minimum_noise.fits import fit_of_denominator
 from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
+from setid.models.stated import coefficients_of
 from setid.options import Options
 from setid.proofs.existence import proved_point
 from setid.proofs.least_noise.least_error import (
@@ -149,7 +150,7 @@ def _of_denominators(
         if has_separate_denominators(model):
             apart = separate_noise(formulation, until) if norm == "linf" else None
             return [] if apart is None else [apart]
-        places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
+        places = [model.parameters.index(name) for name in coefficients_of(model, 1, 1).denominator]
         if not best and norm == "linf" and time.monotonic() < until:
             best = [least_largest_error(data, model, np.ones_like(data.y), until=until)[places]]
         for denominator in [theta[places], *best[:_STARTS]]:

@@ -32,8 +32,10 @@ from setid.html import table as html_table
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
+from setid.models.stated import check_structure, regression_of
 from setid.options import check_executor
 from setid.priors.base import Prior, listed
+from setid.priors.stated import bounds_of
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import rows_say_all
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -182,7 +184,7 @@ class Recursive:
         retained = max(_RETAINED, least) if limit is None else limit
         self.limit = natural(retained, "limit", SetidError, least=least)
         self._executor = executor
-        lags = [equation.lag for equation in self.model.regression()]
+        lags = [equation.lag for equation in regression_of(self.model)]
         self._lag, self._early = max(lags), max(lags) - min(lags)
         # equations of a shorter lag have rows at samples before the one that is kept
         least = 1 + self._early
@@ -550,9 +552,8 @@ def _boxed(formulation: Formulation) -> tuple[Evidence, set[int]]:
 
 def _from_unknown(model: Structure) -> Structure:
     """The structure with unknown signals before each record."""
-    if isinstance(model, type) or not isinstance(model, Structure):
-        raise ModelError(f"model: found {type(model).__name__}, expected a structure")
-    if not model.regression():
+    check_structure(model)
+    if not regression_of(model):
         raise ModelError(
             "model: found no regression form, expected a structure whose outputs follow from "
             "readings alone"
@@ -568,7 +569,7 @@ def _bounds_of(
     for prior in priors:
         if isinstance(prior, sp.Constraint):
             continue
-        for name, (low, high) in prior.bounds(model).items():
+        for name, (low, high) in bounds_of(prior, model).items():
             before = found.get(name, (-inf, inf))
             found[name] = max(before[0], low), min(before[1], high)
     return found

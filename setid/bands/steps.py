@@ -18,6 +18,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.continuous import ContinuousTransferFunction
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
+from setid.models.stated import coefficients_of, regression_of
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow, transfer_row
 from setid.simulation.simulate import simulate
@@ -232,7 +233,7 @@ def _plant(model: Structure, thetas: Reals) -> Reals:
     if isinstance(model, TransferFunction):
         constants = set(model.offsets())
     elif _is_linear(model):
-        terms = [term for equation in model.regression() for term in equation.terms]
+        terms = [term for equation in regression_of(model) for term in equation.terms]
         constants = {name for term in terms if not term.signals for name in term.parameters}
     return np.where([name in constants for name in model.parameters], 0.0, thetas)
 
@@ -253,7 +254,7 @@ def _view(model: Structure, output: int, input: int) -> tuple[Coordinates, Outpu
     """The row of one output where one input acts, and its coordinates."""
     if isinstance(model, TransferFunction):  # with denominators of its own, that of the pair
         names = model.parameters
-        row = transfer_row(model.transfer(output + 1, input + 1), input, names)
+        row = transfer_row(coefficients_of(model, output + 1, input + 1), input, names)
         return Coordinates(names, ()), row
     view = view_of(model)
     row = view.rows[output]

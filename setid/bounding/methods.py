@@ -36,6 +36,7 @@ from setid.formulation.formulation import Formulation, formulate, lifted, withou
 from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
+from setid.priors.stated import unknowns_of
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import ProvedBox, problem_on_box
 from setid.result.assembling import Outcome, stated_problem
@@ -67,7 +68,7 @@ def bound_parameters(formulation: Formulation, context: BoundingContext) -> Iden
     formulation : Formulation
     context : BoundingContext
     """
-    kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
+    kept = [prior for prior in formulation.priors if not unknowns_of(prior, formulation.model)]
     by_cones = long_record(formulation) is not None and settles(formulation)
     if len(kept) == len(formulation.priors) or by_cones:
         return _by_methods(formulation, context)

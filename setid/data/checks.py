@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import nan
+from math import isfinite, nan
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +19,7 @@ __all__ = [
     "channels_of",
     "entries_of",
     "frozen",
+    "is_double",
     "natural",
     "number",
     "parameters_of",
@@ -170,6 +171,16 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
     if isinstance(given, (numbers.Integral, np.longdouble)):  # fractions mean the double nearby
         require_doubles(given, field, error)
     return value
+
+
+def is_double(given: Any) -> bool:
+    """Check for a finite number that a double can be."""
+    if not isinstance(given, numbers.Real) or isinstance(given, bool):
+        return False
+    try:
+        return isfinite(float(given)) and float(given) == given
+    except OverflowError:
+        return False
 
 
 def seconds_of(time_limit: Any) -> float:

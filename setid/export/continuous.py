@@ -20,6 +20,7 @@ from setid.export.python_control import coefficients
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.continuous import INDIRECT_WARNING
+from setid.models.stated import coefficients_of
 
 __all__ = ["ContinuousEstimate", "to_continuous"]
 
@@ -126,7 +127,7 @@ def to_continuous(
     """
     check_result(result)
     model = result.formulation.model
-    if (model.inputs, model.outputs) != (1, 1) or model.transfer(1, 1).continuous:
+    if (model.inputs, model.outputs) != (1, 1) or coefficients_of(model, 1, 1).continuous:
         raise ModelError(
             "result: expected a discrete transfer function of one input and one output; "
             "continuous-time structures have physical parameters already"

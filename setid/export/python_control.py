@@ -22,6 +22,7 @@ from setid.feasible_points.best import best
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.equations import Structure
+from setid.models.stated import coefficients_of
 from setid.simulation.responses import frequency_response, grid, transfer_of
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -128,7 +129,7 @@ def to_control(
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)
-    continuous = model.transfer(1, 1).continuous
+    continuous = coefficients_of(model, 1, 1).continuous
     frequencies = grid(omega, Ts, continuous=continuous)
     base = 0 if continuous else Ts  # python-control's timebase
     single = model.inputs == model.outputs == 1

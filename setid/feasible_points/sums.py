@@ -18,6 +18,7 @@ from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import Sum, lift
 from setid.models.equations import Term
+from setid.models.stated import equations_of
 from setid.proofs.simulated.forms import Form, Region, constant, plus, times
 from setid.proofs.simulated.outputs import Recursion, recursion_from, recursion_of
 from sparsepop_py.budget import Deadline
@@ -70,7 +71,7 @@ def sums_recursion(formulation: Formulation) -> SumsRecursion | None:
     6
     """
     model = formulation.model
-    lifting = lift(model.equations(tuple(f"y{i + 1}" for i in range(model.outputs))))
+    lifting = lift(equations_of(model, tuple(f"y{i + 1}" for i in range(model.outputs))))
     if not formulation.sums or lifting.sums != formulation.sums:
         return None
     found = recursion_from(formulation, lifting.equations)

@@ -25,6 +25,7 @@ from setid.formulation.regression import Regression, rows_of_readings
 from setid.models.equations import Equation, Structure
 from setid.models.general import BlockStructured, nonlinear_rows
 from setid.models.lti import TransferFunction
+from setid.models.stated import regression_of
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.sums import with_sums
 
@@ -116,7 +117,7 @@ def coordinates_of(
     >>> coordinates_of(model).names[4:]
     ('lifted[1]', 'lifted[2]', 'lifted[3]', 'lifted[4]')
     """
-    equations: Sequence[Equation] = model.regression()
+    equations: Sequence[Equation] = regression_of(model)
     if not equations and isinstance(model, TransferFunction):
         if model.offset and model.initial == "zero":
             raise ModelError(

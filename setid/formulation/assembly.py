@@ -30,7 +30,9 @@ from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
 from setid.models.lti import TransferFunction
+from setid.models.stated import equations_of
 from setid.priors.base import Facts, Prior
+from setid.priors.stated import bounds_of, description_of, rows_of_prior, stable_of, unknowns_of
 from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
@@ -124,7 +126,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     """Assemble the problem; the parts have been checked to fit together."""
     bounds = _Bounds(*noise.bounds(data))
     facts = _facts(model, priors)
-    equations = model.equations(_noisy(data, bounds))
+    equations = equations_of(model, _noisy(data, bounds))
     _check_errors(equations, bounds)
     ranges = missing_ranges(data, model, bounds, facts.bounds)
     driven = driven_signals(data, model)
@@ -207,22 +209,22 @@ def _facts(model: Structure, priors: Sequence[Prior]) -> Facts:
     found: dict[str, tuple[float, float]] = {}
     stable: frozenset[tuple[str, ...]] = frozenset()
     for prior in priors:
-        for name, (low, high) in prior.bounds(model).items():
+        described = description_of(prior)
+        for name, (low, high) in bounds_of(prior, model).items():
             if name not in model.parameters:
                 raise PriorError(
-                    f"{prior.describe()}: found {name!r}, expected one of "
-                    f"{', '.join(model.parameters)}"
+                    f"{described}: found {name!r}, expected one of {', '.join(model.parameters)}"
                 )
             if low != low or high != high:
-                raise PriorError(f"{prior.describe()}: found [{low}, {high}] for {name}: no number")
+                raise PriorError(f"{described}: found [{low}, {high}] for {name}: no number")
             before = found.get(name, (-inf, inf))
             found[name] = (max(before[0], low), min(before[1], high))
             if found[name][0] > found[name][1]:
                 raise PriorError(
-                    f"{prior.describe()}: found [{low:g}, {high:g}] for {name}, expected a part of "
+                    f"{described}: found [{low:g}, {high:g}] for {name}, expected a part of "
                     f"[{before[0]:g}, {before[1]:g}] from the priors before it"
                 )
-        stable |= prior.stable(model)
+        stable |= stable_of(prior, model)
     return Facts(found, stable)
 
 
@@ -263,7 +265,7 @@ def _number(
     for item in plans:
         if item.equation.output is None:
             builder.samples(item.equation.defines, used[item.equation.defines])
-    slack = [name for prior in priors for name in prior.unknowns(model)]
+    slack = [name for prior in priors for name in unknowns_of(prior, model)]
     builder.named("slack", slack)
     builder.named(LIFTED, lifting.names)
     return builder.finish()
@@ -321,7 +323,7 @@ def _bound_noise(layout: Layout, bounds: _Bounds, box: Box) -> None:
 def _bound_priors(
     layout: Layout, model: Structure, priors: Sequence[Prior], facts: Facts, box: Box
 ) -> None:
-    unknowns = {name: ends for prior in priors for name, ends in prior.unknowns(model).items()}
+    unknowns = {name: ends for prior in priors for name, ends in unknowns_of(prior, model).items()}
     for name, (low, high) in {**facts.bounds, **unknowns}.items():
         number = layout.index(name)
         box[0][number], box[1][number] = low, high
@@ -391,10 +393,10 @@ def check_rows_of_priors(model: Structure, priors: Sequence[Prior]) -> None:
         If one of them speaks of other parameters, or two contradict each other.
     """
     facts = _facts(model, priors)
-    slack = [name for prior in priors for name in prior.unknowns(model)]
+    slack = [name for prior in priors for name in unknowns_of(prior, model)]
     symbols = _symbols(model, [*model.parameters, *slack])
     for prior in priors:
-        prior.rows(model, symbols, facts)
+        rows_of_prior(prior, model, symbols, facts)
 
 
 def _symbols(model: Structure, names: Sequence[str]) -> dict[str, sp.Polynomial]:
@@ -415,13 +417,13 @@ def _prior_rows(
     free = np.full(numbers.size, inf)
     rows, roundings = [], []
     for place, prior in enumerate(priors):
-        own = list(prior.rows(model, symbols, facts))
+        own = rows_of_prior(prior, model, symbols, facts)
         for constraint in own:
             lifted = layout.lift(constraint.polynomial, numbers)
             row = sp.Constraint(lifted, constraint.kind, constraint.name)
             rows.append(_Collected(row, "prior", item=place))
         record = rounding_of(
-            f"prior {prior.describe()}", [row.polynomial for row in own], -free, free
+            f"prior {description_of(prior)}", [row.polynomial for row in own], -free, free
         )
         if record is not None:
             roundings.append(record)

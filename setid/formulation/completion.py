@@ -19,6 +19,7 @@ from setid.formulation.layout import Layout
 from setid.formulation.lifting import LIFTED
 from setid.models.equations import Structure, channel_of
 from setid.priors.base import Prior
+from setid.priors.stated import completion_of
 
 __all__ = [
     "Affine",
@@ -113,7 +114,7 @@ def place_slack(x: NDArray[np.float64], formulation: Stated, theta: NDArray[np.f
     named = dict(zip(formulation.parameters, theta.tolist(), strict=True))
     named |= dict(getattr(formulation.model, "fixed", ()))
     for prior in formulation.priors:
-        for name, value in prior.complete(formulation.model, named).items():
+        for name, value in completion_of(prior, formulation.model, named).items():
             x[formulation.layout.index(name)] = value
     numbers = formulation.layout.group(LIFTED)
     for number, row in zip(numbers.tolist(), formulation.problem.constraints, strict=False):

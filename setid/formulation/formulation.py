@@ -31,6 +31,7 @@ from setid.models.lti import TransferFunction
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
+from setid.priors.stated import description_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = [
@@ -550,7 +551,7 @@ def _assumptions(
     for field in ("u_range", "y_range"):
         if getattr(data, field) is not None and np.isnan(getattr(data, field[0])).any():
             texts.append(f"missing samples of {field[0]} lie in {getattr(data, field).tolist()}")
-    texts += [f"prior: {prior.describe()}" for prior in priors]
+    texts += [f"prior: {description_of(prior)}" for prior in priors]
     if dropped:
         texts.append(f"{dropped} equations with missing samples are left out")
     return tuple(dict.fromkeys(texts))

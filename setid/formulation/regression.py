@@ -25,6 +25,7 @@ from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure
 from setid.models.general import nonlinear_rows
 from setid.models.lti import TransferFunction
+from setid.models.stated import check_structure, regression_of
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
 __all__ = [
@@ -125,7 +126,7 @@ def build_regression(
     equation_bound : (N, ny) float
         Bounds of equation errors.
     """
-    equations = model.regression()
+    equations = regression_of(model)
     if not equations:
         return None
     plans = plan(equations, data, usable, model.initial)
@@ -206,7 +207,7 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
     """
     check_channels(data, model)
     model = at_rate(model, data.Ts)
-    equations = model.regression()
+    equations = regression_of(model)
     if not equations:
         advice = "setid.fit with errors='output' takes them"
         if isinstance(model, TransferFunction):
@@ -273,10 +274,7 @@ def check_channels(data: IOData, model: Structure) -> None:
     """Refuse data and models that do not fit together."""
     if not isinstance(data, IOData):
         raise DataError(f"data: found {type(data).__name__}, expected IOData")
-    if isinstance(model, type) or not isinstance(model, Structure):  # a class has the methods too
-        raise ModelError(
-            f"model: found {type(model).__name__}, expected a structure such as TransferFunction"
-        )
+    check_structure(model)
     wanted: Sequence[int] = (model.inputs, model.outputs)
     if (data.inputs, data.outputs) != tuple(wanted):
         continuous = isinstance(model, ContinuousTransferFunction)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from setid.data.record import IOData
 from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
+from setid.models.stated import regression_of
 from sparsepop_py.verified.arithmetic.scalar_interval import plus
 
 __all__ = ["Ball", "Signal", "internal_range", "measured", "missing_ranges", "product", "unknown"]
@@ -235,7 +236,7 @@ def missing_ranges(
             if limits is not None:
                 table[np.isnan(values[:, channel])] = limits[channel]
             found[f"{letter}{channel + 1}"] = table
-    equations = {equation.defines: equation for equation in model.regression()}
+    equations = {equation.defines: equation for equation in regression_of(model)}
     for sample, channel in np.argwhere(np.isnan(data.y)).tolist():
         equation = equations.get(f"y{channel + 1}")
         if equation is None or (

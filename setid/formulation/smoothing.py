@@ -21,6 +21,7 @@ from setid.data.record import IOData
 from setid.formulation.regression import Regression
 from setid.formulation.signals import Integers, Reals
 from setid.models.equations import Equation, Structure
+from setid.models.stated import regression_of
 
 __all__ = ["smoothed"]
 
@@ -49,7 +50,7 @@ def smoothed(
     Regression or None
         ``row`` of a sum is its newest row. The rows themselves where nothing is summed.
     """
-    equations = [e for e in model.regression() if e.differences]
+    equations = [e for e in regression_of(model) if e.differences]
     if rows is None or not equations:
         return rows
     parts = [_own(rows, np.arange(rows.target.size))]

@@ -16,6 +16,7 @@ from setid.errors import ModelError
 from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure
 from setid.priors.base import Prior
+from setid.priors.stated import description_of
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.uniqueness.normalisation import (
@@ -122,7 +123,7 @@ def reference_model(
     changed = affected if shift is None else affected | shift.changed
     if priors_speak_of(formulation, changed):
         raise ModelError(
-            f"priors: found {', '.join(prior.describe() for prior in priors)}, of which some speak "
+            f"priors: found {', '.join(map(description_of, priors))}, of which some speak "
             f"of {', '.join(sorted(changed))}; these are not unique without a normalisation: "
             "expected priors on the others alone"
         )

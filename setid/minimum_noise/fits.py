@@ -13,6 +13,7 @@ from setid.data.record import IOData
 from setid.formulation.regression import regression_of_data
 from setid.minimum_noise.programs import Programs, longest_stretches
 from setid.models.lti import TransferFunction
+from setid.models.stated import coefficients_of
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.simulation.responses import run
 
@@ -66,7 +67,7 @@ def fit_of_denominator(
     numbers = rows.numbers(programs.samples)
     outputs[numbers[numbers >= 0], 0] = fitted[numbers >= 0]
     found = regression_of_data(data.with_outputs(outputs), model)
-    places = [model.parameters.index(name) for name in model.transfer(1, 1).denominator]
+    places = [model.parameters.index(name) for name in coefficients_of(model, 1, 1).denominator]
     others = np.setdiff1d(np.arange(len(model.parameters)), places)
     theta = np.zeros(len(model.parameters))
     theta[places] = denominator

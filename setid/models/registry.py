@@ -15,6 +15,7 @@ from setid.errors import ModelError
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
+from setid.models.stated import asked, check_structure
 
 __all__ = ["Family", "families", "family_of", "register_structure"]
 
@@ -44,7 +45,7 @@ def register_structure(kind: type, family: Family) -> None:
     Raises
     ------
     ModelError
-        If the name belongs to another class.
+        If the name belongs to another class, it is none, or nothing makes structures of it.
 
     Examples
     --------
@@ -74,13 +75,30 @@ def register_structure(kind: type, family: Family) -> None:
     >>> found.chosen.order, found.result.intervals["c"].status == "certified"
     (1, True)
     """
+    if not isinstance(kind, type) or not callable(family):
+        raise ModelError(
+            f"register_structure: found {type(kind).__name__} and {type(family).__name__}, "
+            "expected a class and a function (order, degree, inputs, outputs) -> structure"
+        )
     known = _FAMILIES.get(kind.__name__)
     if known is not None and known[0] is not kind and known[0].__module__ != kind.__module__:
         raise ModelError(
             f"register_structure: found {kind.__name__!r}, which is {known[0].__module__}."
             f"{kind.__name__} already; expected another name"
         )
-    _FAMILIES[kind.__name__] = (kind, family)
+    _FAMILIES[kind.__name__] = (kind, _named(kind.__name__, family))
+
+
+def _named(name: str, family: Family) -> Family:
+    """The same family; what it raises is said to be its own, and what it makes is checked."""
+
+    def made(order: int, degree: int, inputs: int, outputs: int) -> Structure:
+        place = f"structure {name!r} of order {order} and degree {degree}"
+        found = asked(place, lambda: family(order, degree, inputs, outputs))
+        check_structure(found)
+        return found
+
+    return made
 
 
 def families() -> Mapping[str, Family]:

@@ -14,6 +14,7 @@ from setid.data.checks import FrozenMapping, entries_of, number
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
+from setid.models.stated import coefficients_of
 
 __all__ = [
     "Facts",
@@ -156,4 +157,4 @@ def denominators(model: Structure) -> list[tuple[str, ...]]:
     if isinstance(model, BlockStructured):
         return list(dict.fromkeys(t.denominator for t in model.linear_blocks.values()))
     pairs = [(i, j) for i in range(model.outputs) for j in range(model.inputs)]
-    return list(dict.fromkeys(model.transfer(i + 1, j + 1).denominator for i, j in pairs))
+    return list(dict.fromkeys(coefficients_of(model, i + 1, j + 1).denominator for i, j in pairs))

@@ -17,6 +17,7 @@ from setid.data.digits import all_digits
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure, Transfer
+from setid.models.stated import coefficients_of
 from setid.priors.base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
 from setid.priors.hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
 from setid.priors.jury import is_stable, jury_rows, jury_unknowns, jury_values
@@ -232,7 +233,7 @@ class MinimumPhase(Plain):
         return f"minphase[{self.output},{self.input}]"
 
     def _names(self, model: Structure) -> tuple[str, ...]:
-        return model.transfer(self.output, self.input).numerator
+        return coefficients_of(model, self.output, self.input).numerator
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
         """Name ratios to the leading coefficient and their recursion, for three zeros and more.
@@ -336,7 +337,7 @@ class DCGain(Plain):
         facts : Facts
             Bounds and stability from all priors.
         """
-        transfer = model.transfer(self.output, self.input)
+        transfer = coefficients_of(model, self.output, self.input)
         if isinstance(model, BlockStructured):
             model.check_between(self.output, self.input)
         gain, one = _sums(transfer, x)
@@ -445,7 +446,7 @@ class PoleIn(_RootIn):
     _word: str = field(default="pole", init=False, repr=False)
 
     def _names(self, model: Structure) -> tuple[str | None, ...]:
-        return (None, *model.transfer(self.output, self.input).denominator)
+        return (None, *coefficients_of(model, self.output, self.input).denominator)
 
 
 @dataclass(frozen=True, slots=True)
@@ -472,7 +473,7 @@ class ZeroIn(_RootIn):
     _word: str = field(default="zero", init=False, repr=False)
 
     def _names(self, model: Structure) -> tuple[str | None, ...]:
-        return model.transfer(self.output, self.input).numerator
+        return coefficients_of(model, self.output, self.input).numerator
 
 
 class _Region(NamedTuple):
@@ -490,7 +491,7 @@ _HALF_PLANE = _Region(half_plane_rows, half_plane_unknowns, half_plane_values)
 def _continuous(model: Structure) -> bool:
     if isinstance(model, BlockStructured):
         return False  # its blocks are discrete, and there may be none from input 1 to output 1
-    return model.transfer(1, 1).continuous
+    return coefficients_of(model, 1, 1).continuous
 
 
 def _region(model: Structure) -> _Region:

@@ -25,7 +25,9 @@ import sparsepop_py as sp
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import DRIVEN
 from setid.models.lti import TransferFunction
+from setid.models.stated import regression_of
 from setid.priors.base import Prior
+from setid.priors.stated import bounds_of
 from setid.proofs.intervals import ParameterInterval
 from sparsepop_py.verified.arithmetic.interval import Interval
 
@@ -44,7 +46,7 @@ def driven(formulation: Formulation) -> Formulation | None:
     formulation : Formulation
     """
     model = formulation.model
-    if not isinstance(model, TransferFunction) or not model.offset or model.regression():
+    if not isinstance(model, TransferFunction) or not model.offset or regression_of(model):
         return None
     if model.form in ("direct", DRIVEN):
         return None
@@ -66,7 +68,7 @@ def _others(formulation: Formulation, model: TransferFunction) -> list[Prior]:
         if origin == "prior" and np.any(np.isin(c.polynomial.words, letters))
     }
     every = enumerate(formulation.priors)
-    return [p for k, p in every if k not in speaks and not names & set(p.bounds(model))]
+    return [p for k, p in every if k not in speaks and not names & set(bounds_of(p, model))]
 
 
 def within_driven(

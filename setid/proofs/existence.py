@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
+from setid.priors.stated import admits_box
 
 __all__ = ["SolvedRows", "admitted", "proved_point", "rows_say_all", "solved_rows"]
 
@@ -153,8 +154,7 @@ def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0
     high = np.where(reach > 0, np.nextafter(centre + reach, inf), centre)
     pairs = zip(formulation.parameters, low.tolist(), high.tolist(), strict=True)
     box = {name: (a, b) for name, a, b in pairs}
-    checks = (getattr(prior, "admits", None) for prior in formulation.priors)
-    return all(check is None or check(formulation.model, box) for check in checks)
+    return all(admits_box(prior, formulation.model, box) for prior in formulation.priors)
 
 
 def rows_say_all(formulation: Formulation) -> bool:

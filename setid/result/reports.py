@@ -18,6 +18,7 @@ from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters
 from setid.minimum_noise.conflicting_samples import samples_listed
+from setid.priors.stated import bounds_of, description_of, unknowns_of
 from setid.priors.transfer import Stable
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -195,7 +196,7 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
     values = [problem.rows.values(x) for x in points]
     found: dict[str, bool] = {}
     for place, prior in enumerate(formulation.priors):
-        own = {layout.index(name) for name in prior.unknowns(formulation.model)}
+        own = {layout.index(name) for name in unknowns_of(prior, formulation.model)}
         every = formulation.rows.of_prior(place)
         rows = [r for r in every if not problem.equality[r]]
         fixed = [problem.constraints[r].polynomial.support for r in every if problem.equality[r]]
@@ -206,13 +207,13 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
         )
         # an equation in the parameters alone always holds; others may define own unknowns
         tight = tight or any(own.isdisjoint(np.asarray(used).tolist()) for used in fixed)
-        ends = {**prior.bounds(formulation.model), **prior.unknowns(formulation.model)}
+        ends = {**bounds_of(prior, formulation.model), **unknowns_of(prior, formulation.model)}
         for name, (low, high) in ends.items():
             x = np.array([point[layout.index(name)] for point in points])
             most = float(np.max(np.abs(x), initial=0.0))
             unit = [_NEAR * (max(abs(e), most) if np.isfinite(e) else 0.0) for e in (low, high)]
             tight = tight or bool(np.any((x <= low + unit[0]) | (x >= high - unit[1])))
-        found[prior.describe()] = found.get(prior.describe(), False) or tight
+        found[description_of(prior)] = found.get(description_of(prior), False) or tight
     return found
 
 

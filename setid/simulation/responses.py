@@ -13,6 +13,7 @@ from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Structure, Transfer, channel_of
 from setid.models.general import BlockStructured
 from setid.models.lti import TransferFunction
+from setid.models.stated import coefficients_of, regression_of
 from setid.simulation.recursions import solve_equations
 from setid.simulation.simulate import simulate
 
@@ -41,7 +42,7 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
         If the structure has no linear block between these channels, or subtracts the input there,
         or a coefficient is no parameter.
     """
-    found = model.transfer(output, input)
+    found = coefficients_of(model, output, input)
     if isinstance(model, BlockStructured):
         model.check_between(output, input)
     every = (*found.numerator, *found.denominator)
@@ -207,7 +208,7 @@ def from_readings(model: Structure) -> tuple[Equation, ...]:
     if isinstance(model, TransferFunction):
         return model.multiplied()
     if not isinstance(model, BlockStructured):
-        return tuple(model.regression())
+        return regression_of(model)
     found = model.direct()
     measured = all(channel_of(signal) for equation in found for signal in equation.signals)
     return found if measured else ()
@@ -245,7 +246,7 @@ def _begun(model: Structure, equations: Sequence[Equation], y: Reals) -> int:
     try:
         return known_from(y, first)
     except SetidError:
-        if model.regression():
+        if regression_of(model):
             raise
         return 0
 

@@ -15,6 +15,7 @@ from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Equation, Structure, channel_of
+from setid.models.stated import check_structure, equations_of
 from setid.simulation.recursions import solve_equations
 
 __all__ = ["Simulated", "simulate", "simulate_record"]
@@ -161,8 +162,7 @@ def simulate_record(
 
 def _inputs(model: Structure, u: ArrayLike) -> NDArray[np.float64]:
     """The inputs of a structure, (N, nu)."""
-    if isinstance(model, type) or not isinstance(model, Structure):
-        raise ModelError(f"model: found {type(model).__name__}, expected a structure")
+    check_structure(model)
     return _columns(u, "u", model.inputs)
 
 
@@ -188,7 +188,7 @@ def _simulate(
     """All signals: each equation gives the one that it defines."""
     given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
     known = {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given)
-    equations = _in_order(model.equations(), known)
+    equations = _in_order(equations_of(model), known)
     samples, pad = inputs.shape[0], max(e.lag for e in equations)
     signals = {f"u{i + 1}": column for i, column in enumerate(inputs.T)} | given
     padded = {name: np.append(np.zeros(pad), column) for name, column in signals.items()}

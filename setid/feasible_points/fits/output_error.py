@@ -22,6 +22,7 @@ from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators, separate_fit
 from setid.models.equations import Structure
+from setid.models.stated import coefficients_of
 from setid.simulation.responses import from_readings, run
 from sparsepop_py.budget import check
 from sparsepop_py.lp.scaled import solve_scaled
@@ -76,7 +77,9 @@ class _Simulation:
 
     def at(self, denominator: Reals, shares: Callable[[Reals], Reals], norm: str = "linf") -> Reals:
         """Complete a given denominator by the unknowns with the least shares in a norm."""
-        places = [self.model.parameters.index(n) for n in self.model.transfer(1, 1).denominator]
+        places = [
+            self.model.parameters.index(n) for n in coefficients_of(self.model, 1, 1).denominator
+        ]
         x = self.first.copy()
         x[places] = denominator
         others = np.setdiff1d(np.arange(x.size), places)

@@ -24,6 +24,7 @@ from setid.data.record import IOData
 from setid.feasible_points.fits.random_poles import random_denominator
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
+from setid.models.stated import coefficients_of, regression_of
 
 __all__ = [
     "OutputFit",
@@ -49,7 +50,7 @@ def has_separate_denominators(model: Structure) -> TypeGuard[TransferFunction]:
     ----------
     model : Structure
     """
-    return isinstance(model, TransferFunction) and not model.regression()
+    return isinstance(model, TransferFunction) and not regression_of(model)
 
 
 def separate_fit(
@@ -200,7 +201,7 @@ class SeparateOutput:
     def _linear(self) -> list[str]:
         """Names of the numerators' coefficients and of the offset."""
         model, inputs = self._model, range(1, self._model.inputs + 1)
-        found = [b for j in inputs for b in model.transfer(self.number + 1, j).numerator]
+        found = [b for j in inputs for b in coefficients_of(model, self.number + 1, j).numerator]
         return [*found, *self._constants[0][-1:]] if self._constants else found
 
     def parts(self, a: Reals) -> list[Reals]:
@@ -236,7 +237,7 @@ class SeparateOutput:
         """Filter delayed inputs and a constant, all zero before the record."""
         model, columns = self._model, list[Reals]()
         for j in range(model.inputs):
-            own = model.transfer(self.number + 1, j + 1)
+            own = coefficients_of(model, self.number + 1, j + 1)
             output = _filtered(monic.get(own.denominator, np.ones(1)), u[:, j])
             for lag in range(own.delay, own.delay + len(own.numerator)):
                 columns.append(np.concatenate([np.zeros(lag), output])[: len(u)])

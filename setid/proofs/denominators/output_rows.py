@@ -21,6 +21,8 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import lift
 from setid.models.equations import Equation, Structure, Term, channel_of
 from setid.models.lti import TransferFunction
+from setid.models.stated import regression_of
+from setid.priors.stated import stable_of
 
 __all__ = ["OutputRows", "output_rows"]
 
@@ -147,7 +149,7 @@ def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
         row &= ~np.isnan(y[np.maximum(np.arange(y.size) - lag, 0)])
     names = tuple(name for lag in sorted(lags) for name in lags[lag])
     stable = _denominators(model, output) <= frozenset[tuple[str, ...]]().union(
-        *(prior.stable(model) for prior in formulation.priors)
+        *(stable_of(prior, model) for prior in formulation.priors)
     )
     columns = dict[bytes, tuple[Reals, tuple[str, int]]]()
     for item in _others(equation):
@@ -175,7 +177,7 @@ def _is_at_rest(model: Structure) -> bool:
     They do not where denominators are multiplied out and an offset is added to the output itself.
     """
     assert isinstance(model, TransferFunction)
-    return model.initial == "zero" and (not model.offset or bool(model.regression()))
+    return model.initial == "zero" and (not model.offset or bool(regression_of(model)))
 
 
 def _samples(first: Integers, before: int) -> tuple[Integers, Integers]:
@@ -193,7 +195,7 @@ def _equations(model: Structure) -> tuple[Equation, ...]:
     """
     if not isinstance(model, TransferFunction):
         return ()
-    return tuple(model.regression()) or lift(model.multiplied()).equations
+    return regression_of(model) or lift(model.multiplied()).equations
 
 
 def _denominators(model: Structure, output: int) -> frozenset[tuple[str, ...]]:

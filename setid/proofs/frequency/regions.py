@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.models.equations import Structure
+from setid.models.stated import coefficients_of
 from setid.proofs.supports import Cover, Multipliers, supports
 
 __all__ = [
@@ -36,7 +37,7 @@ def rounding_of(model: Structure, output: int, input: int) -> float:
     the point of the unit circle by as much; (j omega)^-lag loses less. The factor 8 leaves room
     for the exponential and for products with weights, the count of parameters for sums.
     """
-    transfer = model.transfer(output, input)
+    transfer = coefficients_of(model, output, input)
     lag = max(transfer.delay + len(transfer.numerator), len(transfer.denominator))
     return _EPS * (8.0 * np.pi * lag + 4.0 * len(model.parameters) + 64.0)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Term, channel_of
+from setid.models.stated import equations_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import (
     Form,
@@ -192,7 +193,7 @@ def recursion_of(formulation: Formulation, first: object = None) -> Recursion | 
     cells = first if isinstance(first, CellBox) else None
     if model.initial == "free" and isinstance(model, BlockStructured) and cells is None:
         return None
-    equations = model.equations(tuple(f"y{i + 1}" for i in range(model.outputs)))
+    equations = equations_of(model, tuple(f"y{i + 1}" for i in range(model.outputs)))
     return recursion_from(formulation, equations, cells)
 
 
@@ -250,7 +251,7 @@ def _complete(formulation: Formulation) -> bool:
     """Check that every reading is there, and more of them than the equations look back."""
     model, data = formulation.model, formulation.data
     outputs = tuple(f"y{i + 1}" for i in range(model.outputs))
-    lag = max((equation.lag for equation in model.equations(outputs)), default=0)
+    lag = max((equation.lag for equation in equations_of(model, outputs)), default=0)
     return not np.any(np.isnan(data.y)) and data.samples > lag
 
 

@@ -34,6 +34,7 @@ from setid.errors import ModelError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import LIFTED
 from setid.models.block import BlockStructured, Lure, Normalise
+from setid.priors.stated import bounds_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
@@ -472,7 +473,9 @@ def priors_speak_of(formulation: Formulation, names: Collection[str]) -> bool:
     rows = [row for row, origin in pairs if origin == "prior"]
     if any(wanted & set(row.polynomial.support.tolist()) for row in rows):
         return True
-    return any(set(names) & set(prior.bounds(formulation.model)) for prior in formulation.priors)
+    return any(
+        set(names) & set(bounds_of(prior, formulation.model)) for prior in formulation.priors
+    )
 
 
 def takes_both_signs(model: BlockStructured, name: str) -> bool:
