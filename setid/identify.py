@@ -23,7 +23,7 @@ from setid.bounding.methods import bound_parameters
 from setid.consistency import consistency
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, NoiseError, SetidError, SetidWarning, warns_once
+from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning, warns_once
 from setid.formulation.formulation import formulate
 from setid.identifiability.reference import reference_model, refuse
 from setid.minimum_noise.discretisation import remark, with_estimate
@@ -42,6 +42,7 @@ from setid.result.assembling import (
 from setid.result.holdout import Holdout, members
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress
+from sparsepop_py.budget import LimitReached
 from sparsepop_py.result import INTERRUPTED
 
 __all__ = ["identify"]
@@ -199,9 +200,19 @@ def _reported(
 ) -> Identification:
     """Identify what does not depend on a normalisation."""
     data, model, noise, priors = parts
+    deadline = settings.limits()
     formulation = formulate(data, model, noise, priors)
-    reference, nonzero = reference_model(data, model, noise, formulation.priors)
-    found = identify(data, reference, noise, formulation.priors, settings, on_progress=on_progress)
+    try:
+        with deadline.kept():
+            reference, nonzero = reference_model(data, model, noise, formulation.priors)
+    except LimitReached:
+        raise ModelError(
+            f"normalise: found that {', '.join(sorted(affected))} are not unique, and no proof in "
+            "the time that some normalisation excludes nothing; expected a normalisation, or a "
+            "larger time_limit"
+        ) from None
+    rest = settings.within(deadline)
+    found = identify(data, reference, noise, formulation.priors, rest, on_progress=on_progress)
     note = f"{', '.join(sorted(affected))} are not unique; the rest is that of {reference!r}"
     notes = () if found.empty else (note, *found.notes)
     outcome = Outcome(notes=notes, reference=found, nonzero=nonzero)
