@@ -18,7 +18,7 @@ from setid.models.equations import Equation, Structure, channel_of
 from setid.models.stated import check_structure, equations_of
 from setid.simulation.recursions import solve_equations
 
-__all__ = ["Simulated", "simulate", "simulate_record"]
+__all__ = ["Simulated", "in_order", "simulate", "simulate_record"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +188,7 @@ def _simulate(
     """All signals: each equation gives the one that it defines."""
     given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
     known = {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given)
-    equations = _in_order(equations_of(model), known)
+    equations = in_order(equations_of(model), known)
     samples, pad = inputs.shape[0], max(e.lag for e in equations)
     signals = {f"u{i + 1}": column for i, column in enumerate(inputs.T)} | given
     padded = {name: np.append(np.zeros(pad), column) for name, column in signals.items()}
@@ -202,7 +202,7 @@ def _simulate(
     return {name: values[pad:] for name, values in padded.items()}
 
 
-def _in_order(equations: Sequence[Equation], given: set[str]) -> list[Equation]:
+def in_order(equations: Sequence[Equation], given: set[str]) -> list[Equation]:
     """Order equations so that each needs at lag 0 only what is defined before it."""
     known, rest, found = set(given), list(equations), list[Equation]()
     while rest:

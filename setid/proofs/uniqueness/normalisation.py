@@ -37,6 +37,7 @@ from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.stated import bounds_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import start_of
+from setid.proofs.uniqueness.exact_rank import moved_parameters
 from setid.simulation.simulate import simulate
 from sparsepop_py.verified.arithmetic.scalar_interval import (
     Ends,
@@ -108,7 +109,11 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
         null = right[sizes <= _RANK * sizes[0]]
         moved = {n for n, column in zip(names, null.T, strict=True) if np.any(abs(column) > 1e-4)}
         affected = moved if affected is None else affected & moved
-    found = {*(affected or ()), *scaled_parameters(model)}
+    scaled = set(scaled_parameters(model))
+    if affected and affected - scaled:  # high powers are nearly dependent in doubles alone
+        moved = moved_parameters(model)
+        affected = affected if moved is None else affected & set(moved)
+    found = {*(affected or ()), *scaled}
     return tuple(name for name in names if name in found)
 
 
