@@ -1,4 +1,4 @@
-"""What a structure states, checked where it comes in: structures may be written by anyone.
+"""Equations of a structure, checked where they come in, since anyone may write structures.
 
 All of :mod:`setid` asks a structure through the functions of this module. A structure that raises
 something else than an exception of :mod:`setid`, or states equations that mean nothing, ends in a

@@ -1,4 +1,4 @@
-"""What a prior states, checked where it comes in: priors may be written by anyone.
+"""Bounds and rows of a prior, checked where they come in, since anyone may write priors.
 
 All of :mod:`setid` asks a prior through the functions of this module. A prior that raises
 something else than a :class:`~setid.errors.PriorError`, or states what means nothing, ends in one
@@ -164,7 +164,7 @@ def _plugged(prior: Prior, name: str) -> bool:
 
 
 def _asked(prior: Prior, method: str, question: Callable[[], T]) -> T:
-    """What a prior answers; what it raises is said to be its own."""
+    """Ask a prior, and name it where it raises."""
     try:
         return question()
     except PriorError:

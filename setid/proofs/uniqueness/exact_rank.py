@@ -1,4 +1,4 @@
-"""Which parameters sensitivities settle, in arithmetic modulo a prime.
+"""Parameters that sensitivities settle, in arithmetic modulo a prime.
 
 High powers of one signal are nearly dependent in doubles: the powers up to x^30 look like 14. In a
 finite field nothing is near: a random simulation there has the sensitivities of a random one, whose

@@ -111,8 +111,8 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
         affected = moved if affected is None else affected & moved
     scaled = set(scaled_parameters(model))
     if affected and affected - scaled:  # high powers are nearly dependent in doubles alone
-        moved = moved_parameters(model)
-        affected = affected if moved is None else affected & set(moved)
+        exact = moved_parameters(model)
+        affected = affected if exact is None else affected & exact
     found = {*(affected or ()), *scaled}
     return tuple(name for name in names if name in found)
 
