@@ -318,5 +318,5 @@ def test_bounds_of_a_prior_are_numbers(ends: tuple[float, float]) -> None:
 
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     model = setid.TransferFunction(1, 1)
-    with pytest.raises(setid.PriorError, match="nan.* for b0: no number"):
+    with pytest.raises(setid.PriorError, match="nan.* for 'b0', expected a name and"):
         setid.identify(data, model, setid.Noise(equation=0.5), [Own()])
