@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import zlib
 from typing import Any
 
 import matplotlib
 from hypothesis import HealthCheck, Phase, settings
+from journeys import Batch, through_json
 
 from sparsepop_py import pipeline
-from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.result import Result
 
 matplotlib.use("Agg")
@@ -25,21 +26,27 @@ settings.register_profile(
 settings.load_profile("patient")
 
 
-def confirmed(result: Result) -> Result:
+def confirmed(result: Result, batch: Batch | None = None) -> Result:
     """The result, if verification reaches its bound, also after a journey through JSON."""
     if result.certificate is None:
         assert result.lower_bound == float("-inf")
         return result
     assert result.lower_bound == result.certificate.bound
-    again = from_json(to_json(result))  # refuses bounds above what verification recomputes
+    again = through_json(result, batch)  # refuses bounds above what verification recomputes
     assert again.lower_bound == again.certificate.bound == result.lower_bound
     assert again.status is result.status
     return result
 
 
-def made(*arguments: Any) -> Result:
+def made(state: Any, known: Any) -> Result:
     """What ``solve`` and ``solve_each`` return, whoever calls them in a test or a fixture."""
-    return confirmed(make(*arguments))
+    global latest
+    if latest.owner is not known:
+        latest = Batch(known)
+    result = make(state, known)
+    alone = zlib.crc32(result.problem.fingerprint.encode()) % 8 == 0  # some share nothing
+    return confirmed(result, None if alone else latest)
 
 
+latest = Batch()
 make, pipeline._result = pipeline._result, made
