@@ -296,7 +296,7 @@ def traits(argument: dict) -> set[str]:
 FEW = {"known": 6, "random": 9, "trees": 8, "matrices": 6, "coercive": 4, "inverses": 4}
 FEW |= {"polyhedra": 10}
 FEW |= {"empty": 4, "families": 4, "switches": 4, "unbounded": 2, "examples": 99, "chains": 6}
-FEW |= {"zoo": 99}
+FEW |= {"zoo": 16}
 
 
 @functools.cache

@@ -24,7 +24,7 @@ K_STAR = {
     "b0": 2.0568754, "b1": -4.7255762, "b2": 4.2782032, "b3": -1.4824789,
     "a1": -0.9761862, "a2": -0.8986386, "a3": 0.8748248,
 }  # fmt: skip
-QUICK = setid.Options(time_limit=2.0, progress=False)
+QUICK = setid.Options(time_limit=1.0, progress=False)
 
 
 def sampled(top: list[float], below: list[float]) -> control.Transfer:

@@ -127,7 +127,7 @@ def test_cones_are_for_what_takes_the_engine_longer(model, priors, wide, samples
 @pytest.fixture(scope="module")
 def found() -> setid.Identification:
     """By simulations and the engine alone."""
-    options = setid.Options(time_limit=60.0, progress=False)
+    options = setid.Options(tol=0.05, time_limit=60.0, progress=False)
     with mock.patch("setid.bounding.simulations.denominator_box", return_value=None):
         return setid.identify(record(260), MODEL, setid.Noise(output=BOUND), options=options)
 
@@ -166,7 +166,7 @@ def test_the_engine_closes_what_regions_leave_open(monkeypatch, split: bool) -> 
     monkeypatch.setattr(simulations, "_NEAR_ENDS", np.inf)
     monkeypatch.setattr(simulations, "_MANY_EQUATIONS", 60 if split else 1000)
     monkeypatch.setattr(simulations, "denominator_box", lambda *given: None)
-    options = setid.Options(time_limit=60.0, progress=False)
+    options = setid.Options(tol=0.05, time_limit=60.0, progress=False)
     found = setid.identify(noisy(80), MODEL, setid.Noise(output=0.05), options=options)
     assert (found.box.leaves > 1) == split
     for value, item in zip(TRUTH, found.intervals.values(), strict=True):
