@@ -19,6 +19,7 @@ from sparsepop_py.files import as_path, read_text
 from sparsepop_py.io.gams import read_gms, write_gms
 from sparsepop_py.io.json_files.files import read_json, write_json
 from sparsepop_py.io.other_software.linear_files import read_linear
+from sparsepop_py.io.other_software.mps import read_mps
 from sparsepop_py.io.other_software.qplib import read_qplib
 from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
@@ -63,7 +64,7 @@ FORMATS: Registry[Format] = Registry(
         ".json": Format(read_json, write_json),
         ".mat": Format(read_mat, write_mat),
         ".txt": Format(_read_text),
-        ".mps": Format(read_linear),
+        ".mps": Format(read_mps),
         ".lp": Format(read_linear),
         ".qplib": Format(read_qplib),
         ".nl": Format(read_by_scip),

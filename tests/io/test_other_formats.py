@@ -542,24 +542,33 @@ def test_a_variable_that_comes_twice_in_a_row_counts_twice(ending: str, tmp_path
     assert sp.solve(problem).lower_bound == pytest.approx(0.75, abs=1e-6)
 
 
-def test_warnings_of_highs_are_errors_with_scip_too(tmp_path: Path) -> None:
-    """Two right-hand sides of one row: HiGHS takes the first, SCIP the second."""
-    path = tmp_path / "sides.mps"
-    path.write_text(
-        "NAME t\nROWS\n N obj\n G c\nCOLUMNS\n x obj 1 c 1\nRHS\n rhs c 1\n rhs c 2\nENDATA\n"
-    )
-    with pytest.raises(sp.FormatError, match="duplicate value"):
+def test_warnings_of_highs_are_errors(tmp_path: Path) -> None:
+    """HiGHS ignores the number of a row that has none elsewhere, and says so in a warning."""
+    path = tmp_path / "constant.lp"
+    path.write_text("minimize\n obj: x\nsubject to\n c: x + 2 >= 1\nend\n")
+    with pytest.raises(sp.FormatError, match="a constant on the left-hand side"):
         sp.read(path)
 
 
-def test_warnings_that_leave_the_status_are_errors(tmp_path: Path) -> None:
-    """HiGHS ignores the second of two entries of a column and says so in a warning alone."""
-    path = tmp_path / "entries.mps"
-    path.write_text(
-        "NAME t\nROWS\n N obj\n G c\nCOLUMNS\n x obj 1 c 1\n x c 5\nRHS\n rhs c 1\nENDATA\n"
-    )
-    with pytest.raises(sp.FormatError, match='duplicate nonzero 5 in row "c"'):
+@pytest.mark.parametrize("row", ["x/2 + y >= 1", "2 (x + y) >= 1"])
+def test_operators_are_no_names_of_lp_files(row: str, tmp_path: Path) -> None:
+    """HiGHS reads ``x/2`` and ``(x`` as names of further variables."""
+    path = tmp_path / "names.lp"
+    path.write_text(f"minimize\n obj: x + y\nsubject to\n c: {row}\nend\n")
+    with pytest.raises(sp.FormatError, match="names.lp: found the variable '.*', expected poly"):
         sp.read(path)
+
+
+@pytest.mark.parametrize("section", ["Binary\n x", "binaries x", "General\n y\nBIN\n y\n x"])
+def test_binaries_with_wider_bounds_are_refused(section: str, tmp_path: Path) -> None:
+    """HiGHS keeps the bounds and reads an integer from 0 to 5."""
+    path = tmp_path / "binary.lp"
+    text = "minimize\n obj: x + y\nsubject to\n c: x + y >= 1\nbounds\n x <= 5\n y <= 1\n"
+    path.write_text(f"{text}{section}\nend\n")
+    with pytest.raises(sp.FormatError, match=r"binary variable 'x' with bounds \[0, 5\]"):
+        sp.read(path)
+    path.write_text(f"{text.replace(' x <= 5', ' x <= 1')}{section}\nend\n")
+    assert "x_bit0" not in sp.read(path).names
 
 
 @pytest.mark.parametrize(
@@ -586,4 +595,42 @@ def test_kinds_and_infinity_of_qplib(
         assert sp.read(path).dimension == 2
         return
     with pytest.raises(sp.FormatError, match=message):
+        sp.read(path)
+
+
+TINY = (
+    "tiny, QCL, minimize, 2, 1, 1, 1 1 2, 0, 1, 2 -3, 5, 2, 1 1 1, 1 2 1, 1e20, 1, 0, 1e20, 0, 0, "
+    "0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("-3, 5, 2", "-3, 1_0, 2", "tiny.qplib:11: found '1_0', expected the constant"),
+        ("2 -3", "0_2 -3", "found '0_2 -3', expected an index"),
+        ("1, 1 1 2", "2, 1 1 2, 1 1 2", "found '1 1 2', expected each product once"),
+        ("1, 1 1 2", "2, 2 1 2, 1 2 2", "found '1 2 2', expected each product once"),
+        ("1, 2 -3", "2, 2 -3, 2 -4", "found '2 -4', expected one value of objective"),
+        ("2, 1 1 1, 1 2 1", "3, 1 1 1, 1 2 1, 1 2 5", "found '1 2 5', expected each entry once"),
+        ("minimize, 2", "minimize, 99999999999", "expected the number of variables, from 1 to"),
+        ("minimize, 2", "minimize, " + "9" * 5000, "expected the number of variables, from 1 to"),
+    ],
+)
+def test_nothing_of_a_qplib_file_is_passed_over(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "tiny.qplib"
+    path.write_text("\n".join(TINY.split(", ")))
+    assert sp.read(path).objective([1.0, 2.0]) == 1 - 6 + 5
+    assert old in TINY
+    path.write_text("\n".join(TINY.replace(old, new, 1).split(", ")))
+    with pytest.raises(sp.FormatError, match=message):
+        sp.read(path)
+
+
+def test_lines_behind_a_qplib_file_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "tiny.qplib"
+    path.write_text("\n".join([*TINY.split(", "), "7 7"]))
+    with pytest.raises(sp.FormatError, match="found '7 7', expected the end of the file"):
         sp.read(path)

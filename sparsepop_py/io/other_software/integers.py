@@ -80,7 +80,9 @@ def problem_with_integers(
     )
 
 
-def between(body: Polynomial, low: float, high: float, name: str) -> Iterator[Constraint]:
+def between(
+    body: Polynomial, low: float | Fraction, high: float | Fraction, name: str
+) -> Iterator[Constraint]:
     """Make the constraints of a row with two ends; -inf and inf for none."""
     if low == high:
         yield Constraint(body - low, Kind.ZERO, name)

@@ -1,4 +1,4 @@
-"""MPS and LP files: linear rows, an objective that may be quadratic, integers.
+"""LP files: linear rows, an objective that may be quadratic, integers.
 
 HiGHS reads them. Files with quadratic rows, which it refuses, are read by SCIP where PySCIPOpt is
 installed (:mod:`sparsepop_py.io.other_software.scip_`).
@@ -14,6 +14,7 @@ import scipy.sparse as sps
 
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
+from sparsepop_py.files import read_text
 from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.lp.files import ReadModel, read_model
@@ -21,11 +22,15 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_linear"]
 
+_HEADINGS = frozenset(
+    "bin binary binaries bound bounds gen general generals int integer integers semi "
+    "semi-continuous sos end".split()
+)
 _FOR_SCIP = ("quadratic", "appears more than once")  # what HiGHS says where SCIP reads on
 
 
 def read_linear(path: str | os.PathLike[str]) -> Problem:
-    r"""Read an MPS or LP file.
+    r"""Read an LP file.
 
     Parameters
     ----------
@@ -64,6 +69,7 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
             raise FormatError(f"{error} (quadratic rows: {missing})") from None
         except FormatError:
             raise error from None
+    _check(path, model)
     if not model.names:
         raise FormatError(f"{path}: found no variables, expected a problem in this format")
     for name, kind in zip(model.names, model.kinds, strict=True):
@@ -80,6 +86,36 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
         [v for v, kind in enumerate(model.kinds) if kind == "integer"],
         "max" if model.maximise else "min",
     )
+
+
+def _check(path: str | os.PathLike[str], model: ReadModel) -> None:
+    """Refuse operators that HiGHS reads as parts of names, and binaries with other bounds."""
+    for name in model.names:
+        if name.startswith("(") or name.count("(") != name.count(")") or "/" in name:
+            raise FormatError(
+                f"{path}: found the variable {name!r}, expected polynomials without brackets and "
+                "quotients"
+            )
+    binary = _binaries(read_text(path, "replace"))
+    for name, low, high in zip(model.names, model.lower, model.upper, strict=True):
+        if name in binary and not 0 <= low <= high <= 1:
+            raise FormatError(
+                f"{path}: found the binary variable {name!r} with bounds [{low:g}, {high:g}], "
+                "expected bounds within [0, 1]"
+            )
+
+
+def _binaries(text: str) -> set[str]:
+    """Find the names in sections of binaries."""
+    found: set[str] = set()
+    inside = False
+    for line in text.splitlines():
+        words = line.partition("\\")[0].split()
+        if words and words[0].lower() in _HEADINGS:
+            inside = words.pop(0).lower().startswith("bin")
+        if inside:
+            found.update(words)
+    return found
 
 
 def _objective(model: ReadModel) -> Polynomial:

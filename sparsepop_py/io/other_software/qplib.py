@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +23,13 @@ from sparsepop_py.io.other_software.integers import between, problem_with_intege
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_qplib"]
+
+_MOST = 10**7  # variables and rows
+_COUNT = re.compile(r"[0-9]{1,9}")
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|inf(?:inity)?)", re.IGNORECASE
+)
+Index = TypeVar("Index")
 
 _OBJECTIVES, _VARIABLES, _ROWS = "LDCQ", "CBMIG", "NBLDCQ"
 
@@ -66,8 +75,8 @@ def read_qplib(path: str | os.PathLike[str]) -> Problem:
     direction = lines.word("minimize or maximize").lower()
     if direction not in ("minimize", "maximize"):
         raise lines.error(direction, "minimize or maximize")
-    n = lines.count("the number of variables", least=1)
-    m = lines.count("the number of constraints") if kind[2] not in "NB" else 0
+    n = lines.count("the number of variables", least=1, most=_MOST)
+    m = lines.count("the number of constraints", most=_MOST) if kind[2] not in "NB" else 0
     terms = _Terms(m + 1)
     if kind[0] != "L":
         terms.squares(lines, n, rows=0)
@@ -105,7 +114,7 @@ class _Lines:
     def __post_init__(self) -> None:
         for number, line in enumerate(self.text.splitlines(), 1):
             words = line.partition("#")[0].split()
-            if words and not words[0].startswith("!"):
+            if words and not words[0].startswith(("!", "%")):
                 self.lines.append((number, words))
 
     def error(self, found: str, expected: str) -> FormatError:
@@ -127,40 +136,45 @@ class _Lines:
 
     def number(self, expected: str) -> float:
         """Read a number."""
-        word = self.word(expected)
-        try:
-            value = float(word)
-        except ValueError:
-            raise self.error(word, expected) from None
-        if math.isnan(value):
-            raise self.error(word, expected)
-        return value
+        return self.value(self.word(expected), expected)
 
-    def count(self, expected: str, least: int = 0) -> int:
+    def value(self, word: str, expected: str) -> float:
+        """Read a number in a word; Python's own words for numbers may hold underscores."""
+        if not _NUMBER.fullmatch(word):
+            raise self.error(word, expected)
+        return float(word)
+
+    def count(self, expected: str, least: int = 0, most: int = 10**9) -> int:
         """Read an integer."""
         word = self.word(expected)
-        if not word.isdecimal() or int(word) < least:
-            raise self.error(word, expected)
+        if not _COUNT.fullmatch(word) or not least <= int(word) <= most:
+            raise self.error(word, f"{expected}, from {least} to {most}")
         return int(word)
 
     def entry(self, limits: list[int], expected: str) -> tuple[list[int], float]:
         """Read indices, from 1 to their limits, and a number."""
         words = self.words(expected)
-        try:
-            indices = [int(word) for word in words[: len(limits)]]
-            value = float(words[len(limits)])
-        except (ValueError, IndexError):
-            raise self.error(" ".join(words), expected) from None
-        inside = all(1 <= i <= limit for i, limit in zip(indices, limits, strict=True))
-        if not inside or math.isnan(value):
+        whole = all(map(_COUNT.fullmatch, words[: len(limits)]))
+        if len(words) <= len(limits) or not whole:
             raise self.error(" ".join(words), expected)
-        return indices, value
+        indices = [int(word) for word in words[: len(limits)]]
+        if not all(1 <= i <= limit for i, limit in zip(indices, limits, strict=True)):
+            raise self.error(" ".join(words), expected)
+        return indices, self.value(words[len(limits)], expected)
+
+    def once(self, seen: set[Index], index: Index, expected: str) -> None:
+        """Refuse what comes a second time."""
+        if index in seen:
+            raise self.error(" ".join(self.lines[self.place - 1][1]), expected)
+        seen.add(index)
 
     def vector(self, size: int, what: str) -> list[float]:
         """Read a default and the entries that differ from it."""
         values = [self.number(f"the default of {what}")] * size
+        seen: set[int] = set()
         for _ in range(self.count(f"how many entries of {what} differ from the default")):
             (i,), value = self.entry([size], f"an index and a value of {what}")
+            self.once(seen, i, f"one value of {what} for each index")
             values[i - 1] = value
         return values
 
@@ -186,14 +200,18 @@ class _Terms:
     def squares(self, lines: _Lines, n: int, rows: int) -> None:
         """Read the quadratic terms of the objective, or of all rows."""
         limits = [rows, n, n] if rows else [n, n]
+        seen: set[tuple[int, ...]] = set()
         for _ in range(lines.count("the number of quadratic entries")):
             indices, value = lines.entry(limits, "indices and a value of a quadratic term")
             i, j = sorted(indices[-2:])
+            lines.once(seen, (*indices[:-2], i, j), "each product once")
             self.add(indices[0] if rows else 0, (i, j), 0.5 * value if i == j else value)
 
     def entries(self, lines: _Lines, n: int, rows: int) -> None:
+        seen: set[tuple[int, int]] = set()
         for _ in range(lines.count("the number of linear entries")):
             (k, i), value = lines.entry([rows, n], "row, variable and a value")
+            lines.once(seen, (k, i), "each entry once")
             self.add(k, (0, i), value)
 
     def polynomials(self, n: int, names: list[str]) -> list[Polynomial]:
@@ -229,9 +247,11 @@ def _names(lines: _Lines, n: int, m: int) -> tuple[list[str], list[str]]:
     for names in (variables, rows):
         for _ in range(lines.count("the number of names") if not lines.done else 0):
             index, name = (*lines.words("an index and a name"), "")[:2]
-            if not index.isdecimal() or not 1 <= int(index) <= len(names) or not name:
+            if not _COUNT.fullmatch(index) or not 1 <= int(index) <= len(names) or not name:
                 raise lines.error(f"{index} {name}", "an index and a name")
             names[int(index) - 1] = name
+    if not lines.done:
+        raise lines.error(" ".join(lines.words("nothing")), "the end of the file")
     return variables, rows
 
 

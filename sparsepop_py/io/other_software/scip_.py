@@ -55,7 +55,7 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
     Parameters
     ----------
     path : path-like
-        ``.nl``, ``.pip``, ``.osil``, ``.cip``, or ``.lp`` and ``.mps`` with quadratic rows. Rows
+        ``.nl``, ``.pip``, ``.osil``, ``.cip``, or ``.lp`` with quadratic rows. Rows
         are polynomial, integers have two bounds. Where the objective is a variable that occurs
         in one row only, as readers write nonlinear objectives, the row is the objective.
 
