@@ -22,12 +22,13 @@ from setid.data.checks import word
 from setid.data.record import IOData
 from setid.data.tables import column_names
 from setid.errors import DataError, SetidError
-from setid.serve.work import Form, check_lines, check_samples, read_form, work
+from setid.serve.work import Form, check_columns, check_lines, check_samples, read_form, work
 from sparsepop_py.executors.processes import Processes, WorkerLost
 
 __all__ = ["Jobs", "make_app", "serve"]
 
 MOST_BYTES = 16 * 2**20
+SILENCE = 60.0  # seconds that a client may leave a request unfinished
 _MOST_KEPT = 8  # records and jobs; older ones go
 _HOSTS = ("127.0.0.1", "localhost")
 _FILES = {
@@ -67,6 +68,12 @@ class _Job:
     end: float | None = None
     stopped: bool = False
 
+    def __post_init__(self) -> None:
+        self.future.add_done_callback(self._note)
+
+    def _note(self, _: Future[dict[str, Any]]) -> None:
+        self.end = time.monotonic()
+
     def state(self) -> dict[str, Any]:
         """Say how far it is, with the sections that are done."""
         found: dict[str, Any] = {"state": "running", "sections": [], "files": []}
@@ -80,7 +87,6 @@ class _Job:
         return found | {"seconds": round(last - self.begin, 1)}
 
     def _ended(self) -> dict[str, Any]:
-        self.end = self.end or time.monotonic()
         if self.future.cancelled():  # stopped before it began
             return {"state": "stopped"}
         error = self.future.exception()
@@ -138,8 +144,7 @@ class Jobs:
         try:
             word(decimal, "decimal", (".", ","), DataError)
             columns = column_names(path, decimal)
-            if len(columns) < 2:
-                raise DataError("record: found one column, expected an input and an output")
+            check_columns(columns)
             data = IOData.from_csv(path, 0, len(columns) - 1, decimal=decimal)
             check_samples(data)
         except SetidError as error:
@@ -339,6 +344,16 @@ def _own(name: str) -> str:
     return resources.files("setid.serve").joinpath(name).read_text(encoding="utf-8")
 
 
+def _handler() -> Any:
+    """Make the class that handles requests and gives up those whose clients fall silent."""
+    from werkzeug.serving import WSGIRequestHandler
+
+    class Handler(WSGIRequestHandler):
+        timeout = SILENCE  # of the socket
+
+    return Handler
+
+
 def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> None:
     """Serve the page on 127.0.0.1 until Ctrl-C, SIGTERM or SIGHUP.
 
@@ -367,7 +382,9 @@ def serve(port: int = 8321, on_start: Callable[[str], object] | None = None) -> 
     try:
         kept = tempfile.TemporaryDirectory(prefix="setid-", ignore_cleanup_errors=True)
         with kept as folder, closing(Jobs(Path(folder))) as jobs:
-            server = make_server("127.0.0.1", port, make_app(jobs), threaded=True)
+            server = make_server(
+                "127.0.0.1", port, make_app(jobs), True, request_handler=_handler()
+            )
             with closing(server.socket):
                 if on_start is not None:
                     on_start(f"http://127.0.0.1:{server.server_port}/")

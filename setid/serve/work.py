@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import comb
@@ -33,11 +33,12 @@ from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
 from sparsepop_py.files import write_text
 
-__all__ = ["Form", "check_lines", "check_samples", "read_form", "work"]
+__all__ = ["Form", "check_columns", "check_lines", "check_samples", "read_form", "work"]
 
 Ends = tuple[float, float]
 _CLOSED = 1e-3  # of the attained width, the tolerance of options
 _OTHER_LINES = 1000  # names, comments, blank lines
+MOST_COLUMNS = 1000
 MOST_SAMPLES, MOST_ORDER, MOST_PARAMETERS, MOST_SECONDS = 20_000, 20, 300, 3600.0
 _ERRORS = (SetidError, sp.SparsePOPError, ValueError, ArithmeticError)
 
@@ -103,6 +104,26 @@ def check_lines(content: bytes) -> None:
     lines = content.count(b"\n") + content.count(b"\r") - content.count(b"\r\n")
     if lines > MOST_SAMPLES + _OTHER_LINES:
         raise DataError(f"record: found {lines} lines, expected at most {MOST_SAMPLES} samples")
+
+
+def check_columns(columns: Sequence[object]) -> None:
+    """Check that a table has at least two columns, and not too many for the page.
+
+    Parameters
+    ----------
+    columns : sequence
+        Their names or numbers.
+
+    Raises
+    ------
+    DataError
+    """
+    count = len(columns)
+    if not 2 <= count <= MOST_COLUMNS:
+        found = "one column" if count == 1 else f"{count} columns"
+        raise DataError(
+            f"record: found {found}, expected an input and an output, and at most {MOST_COLUMNS}"
+        )
 
 
 def check_samples(data: IOData) -> None:

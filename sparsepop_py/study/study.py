@@ -132,6 +132,13 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
+def _storable(value: Any) -> bool:
+    """Check for a text of Unicode, a double, or an integer of at most 64 bits."""
+    if isinstance(value, str):
+        return not any("\ud800" <= sign <= "\udfff" for sign in value)
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**64)
+
+
 class BaseStudy:
     """Tasks and their outcomes in one file; subclasses say what the tasks are.
 
@@ -165,13 +172,17 @@ class BaseStudy:
     # ---- tasks ------------------------------------------------------------------------------
 
     def _entry(self, name: str, arguments: tuple[Any, ...], tags: Tags | None) -> Entry:
-        if not isinstance(name, str) or not name:
+        if not isinstance(name, str) or not name or not _storable(name):
             raise ProblemError(f"name: found {name!r}, expected a text that is not empty")
+        if tags is not None and not isinstance(tags, Mapping):
+            raise ProblemError(f"tags: found {tags!r:.80}, expected a mapping of columns to values")
         columns = dict(tags or {})
         taken = ("name", "seconds", "message", *self.work.columns)
         for key, value in columns.items():
-            if not isinstance(key, str) or not isinstance(value, (str, int, float)):
-                raise ProblemError(f"tags[{key!r}]: found {value!r}, expected a text or a number")
+            if not isinstance(key, str) or not (_storable(value) and _storable(key)):
+                raise ProblemError(
+                    f"tags[{key!r}]: found {value!r:.80}, expected a text or a number"
+                )
             if key in taken:
                 raise ProblemError(f"tags: found {key!r}, which is a column already")
         content = dump(arguments, f"task {name!r}", self._trusted)
@@ -344,7 +355,8 @@ class BaseStudy:
         -------
         list of Path
             One a task with a result, in their order; names of tasks with signs that file names
-            should not have are followed by their number.
+            should not have are followed by their number, and by ``_`` where that is the name of
+            another task.
 
         Raises
         ------
@@ -358,11 +370,15 @@ class BaseStudy:
             target.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
-        for number, (name, _, state, _, _) in enumerate(self._store.rows(), 1):
+        rows = self._store.rows()
+        names = {row[0] for row in rows}
+        for number, (name, _, state, _, _) in enumerate(rows, 1):
             if state == "done":
                 plain = re.sub(r"[^\w.-]", "_", name)
-                file = f"{plain}.json" if plain == name else f"{plain}-{number}.json"
-                written.append(target / file)
+                file = name if plain == name else f"{plain}-{number}"
+                while file != name and file in names:
+                    file += "_"
+                written.append(target / f"{file}.json")
                 write_text(written[-1], self.work.certificate(self.result(name)))
         return written
 

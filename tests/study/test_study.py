@@ -303,6 +303,18 @@ def test_results_come_back_with_their_proofs(tmp_path: Path) -> None:
     assert sp.read_json(second).lower_bound == result.lower_bound <= -4
 
 
+def test_each_result_has_a_file_of_its_own(tmp_path: Path) -> None:
+    """Number 1 would be ``a_b-1``, which is the name of number 2 and, with ``_``, of number 3."""
+    study = sp.Study(tmp_path / "names.study")
+    for centre, name in enumerate(("a b", "a_b-1", "a_b-1_"), 1):
+        study.add(name, square(centre))
+    study.run()
+    written = study.export_results(tmp_path / "results")
+    assert [path.name for path in written] == ["a_b-1__.json", "a_b-1.json", "a_b-1_.json"]
+    for centre, path in enumerate(written, 1):
+        assert sp.read_json(path).problem.fingerprint == square(centre).fingerprint
+
+
 def test_a_result_that_claims_too_much_is_refused(tmp_path: Path) -> None:
     study = squares(tmp_path / "squares.study", (1,))
     study.run()
@@ -407,6 +419,13 @@ def test_fingerprints_say_what_a_value_is() -> None:
         (lambda s: s.add("a", square(1), {"order": 2}), "options: found dict"),
         (lambda s: s.add("a", square(1), tags={"gap": 1}), "found 'gap', which is a column"),
         (lambda s: s.add("a", square(1), tags={"b": [1]}), r"tags\['b'\]: found \[1\]"),
+        (lambda s: s.add("a", square(1), tags="b=1"), "tags: found 'b=1', expected a mapping"),
+        (lambda s: s.add("a", square(1), tags={"b": "\ud800"}), r"tags\['b'\]: found '\\ud800'"),
+        (
+            lambda s: s.add("a", square(1), tags={"b": 10**5} | {"c": 2**64}),
+            r"tags\['c'\]: found 18",
+        ),
+        (lambda s: s.add("a\ud800", square(1)), r"name: found 'a\\ud800'"),
         (lambda s: s.run(0), "workers: found 0"),
         (lambda s: s.run(2, ThreadPoolExecutor(1)), "found both"),
         (lambda s: s.run(ahead=0), "ahead: found 0"),

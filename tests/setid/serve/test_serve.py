@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -236,6 +237,14 @@ def test_bad_files_are_named(client: Any, content: bytes, message: str) -> None:
     assert "record1.csv" not in answer.json["error"]  # nothing of where it is kept
 
 
+def test_tables_of_too_many_columns_are_refused_before_their_numbers_are_read(client: Any) -> None:
+    """Eight million columns took half a minute and an answer of 67 MB."""
+    assert len(send(client, b",".join([b"1"] * 1000) + b"\n").json["columns"]) == 1000
+    answer = send(client, b",".join([b"1"] * 1001) + b"\nno number\n")
+    assert answer.status_code == 400
+    assert "found 1001 columns" in answer.json["error"] and "at most 1000" in answer.json["error"]
+
+
 def test_large_files_are_refused(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     answer = send(client, b"1,2\n" * (server.MOST_BYTES // 4 + 1))
     assert answer.status_code == 413
@@ -296,6 +305,38 @@ def test_a_job_that_is_stopped_before_it_begins_says_so(tmp_path: Path) -> None:
     job = server._Job(tmp_path, Processes(1), future)
     job.stop()
     assert job.state()["state"] == "stopped"
+
+
+def test_seconds_of_a_job_end_with_it_whenever_they_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([100.0, 103.5, 160.0, 170.0])
+    monkeypatch.setattr(server.time, "monotonic", lambda: next(clock))
+    future: Future[dict[str, Any]] = Future()
+    job = server._Job(tmp_path, Processes(1), future, begin=server.time.monotonic())
+    future.set_result({"status": "certified"})
+    assert job.state()["seconds"] == 3.5
+
+
+def test_clients_that_fall_silent_are_given_up(jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    from werkzeug.serving import make_server
+
+    monkeypatch.setattr(server, "SILENCE", 0.1)
+    web = make_server("127.0.0.1", 0, make_app(jobs), True, request_handler=server._handler())
+    threading.Thread(target=web.serve_forever, daemon=True).start()
+    head = b"POST /records HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Setid: page\r\n"
+    try:
+        for half, answer in (
+            (b"POST /rec", b""),
+            (head + b"Content-Length: 99\r\n\r\nu,y", b"400"),
+        ):
+            with socket.create_connection(("127.0.0.1", web.server_port), timeout=30) as client:
+                client.sendall(half)
+                said = b"".join(iter(lambda c=client: c.recv(4096), b""))  # until it is closed
+            assert answer in said.partition(b"\r\n")[0]
+    finally:
+        web.shutdown()
+        web.server_close()
 
 
 @pytest.mark.parametrize("body", ["[" * 100_000, '{"a":' * 5000 + "1" + "}" * 5000, "[1]", ""])
