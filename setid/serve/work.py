@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -38,6 +39,7 @@ __all__ = ["Form", "check_columns", "check_lines", "check_samples", "read_form",
 Ends = tuple[float, float]
 _CLOSED = 1e-3  # of the attained width, the tolerance of options
 _OTHER_LINES = 1000  # names, comments, blank lines
+_FOR_INTERVALS, _FOR_A_BAND = 0.75, 20.0  # of the time that is left; seconds
 MOST_COLUMNS = 1000
 MOST_SAMPLES, MOST_ORDER, MOST_PARAMETERS, MOST_SECONDS = 20_000, 20, 300, 3600.0
 _ERRORS = (SetidError, sp.SparsePOPError, ValueError, ArithmeticError)
@@ -57,7 +59,7 @@ class Form:
     noise : Noise
     stable : bool
     seconds : float
-        Time limit.
+        Time limit of the whole work; most of it is for the intervals.
     file : str
         Name of the table, as the page knows it.
     """
@@ -278,12 +280,13 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     report = _Report(Path(folder), len(form.model.parameters))
     report.add("What was asked", _table(form.asked()))
     report.stage("consistency")
+    end = time.monotonic() + form.seconds
     limit = Options(time_limit=max(form.seconds / 4, 1.0), progress=False)
     priors = [Stable()] if form.stable else []
     scale = consistency(form.record, form.model, form.noise, priors, limit)
     report.add("Do the noise bounds explain the record?", _html(scale))
     report.stage("intervals")
-    options = Options(time_limit=form.seconds, progress=False)
+    options = Options(time_limit=_share(end, _FOR_INTERVALS), progress=False)
     result = identify(
         form.record, form.model, form.noise, priors, options, on_progress=report.interval
     )
@@ -295,7 +298,7 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     report.file("certificate.json", lambda: certificate_text(result))
     report.file("record.csv", lambda: _samples(form.record))
     if not result.empty:
-        _pictures(report, form, result)
+        _pictures(report, form, result, end)
     return {"status": str(result.status), "sections": report.sections, "files": report.files}
 
 
@@ -324,17 +327,26 @@ def _samples(data: IOData) -> str:
     return out.getvalue()
 
 
-def _pictures(report: _Report, form: Form, result: Identification) -> None:
+def _share(end: float, part: float, most: float = MOST_SECONDS) -> float:
+    """Return a part of the seconds that are left, at least a second and at most so many."""
+    return min(max(part * (end - time.monotonic()), 1.0), most)
+
+
+def _pictures(report: _Report, form: Form, result: Identification, end: float) -> None:
     report.stage("pictures")
     report.picture("Intervals", lambda: result.plot())
     report.stage("bands")
-    report.picture("Band of the frequency response, proved", lambda: result.bode().plot())
+    limit = _share(end, 0.5, _FOR_A_BAND)
+    report.picture(
+        "Band of the frequency response, proved", lambda: result.bode(time_limit=limit).plot()
+    )
     if form.validation is not None:
         report.stage("validation")
         validation = form.validation
         mode: Mode = "prediction" if float(np.max(form.noise.equation)) > 0 else "simulation"
         title = f"Validation on the rest of the file, {mode}"
-        report.picture(title, lambda: result.compare(validation, mode).plot())
+        rest = _share(end, 0.9, _FOR_A_BAND)
+        report.picture(title, lambda: result.compare(validation, mode, time_limit=rest).plot())
 
 
 class _Report:

@@ -25,6 +25,7 @@ pytest.importorskip("flask")
 import setid
 from setid.cli import main
 from setid.serve import server
+from setid.serve import work as work_module
 from setid.serve.server import Jobs, make_app
 from setid.serve.work import Form, _Report, _samples, read_form
 from sparsepop_py.executors.processes import Processes
@@ -183,6 +184,35 @@ def read_form_of(folder: Path, **fields: Any) -> Form:
     path = folder / "sent.csv"
     path.write_bytes(RECORD)
     return read_form(path, {**FORM, **fields})
+
+
+def test_the_time_limit_is_shared_by_all_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bands and validation took 20 s each whatever the limit was."""
+    (tmp_path / "r.csv").write_bytes(RECORD)
+    form = read_form(tmp_path / "r.csv", {**FORM, "samples": 3, "seconds": 8})
+    given: dict[str, float] = {}
+    result = setid.identify(form.record, form.model, form.noise)
+    monkeypatch.setattr(work_module.time, "monotonic", lambda: 100.0)  # no time goes by
+
+    def identified(*arguments: Any, **named: Any) -> Any:
+        given["intervals"] = arguments[4].time_limit
+        return result
+
+    def banded(name: str) -> Any:
+        def band(self: Any, *arguments: Any, time_limit: float) -> Any:
+            given[name] = time_limit
+            raise ValueError("no picture")
+
+        return band
+
+    monkeypatch.setattr(work_module, "identify", identified)
+    for name in ("bode", "compare"):
+        monkeypatch.setattr(setid.Identification, name, banded(name))
+    work_module.work(form, str(tmp_path))
+    assert given == {"intervals": 6.0, "bode": 4.0, "compare": 0.9 * 8}
+    assert work_module._share(99.0, 0.5) == 1.0 and work_module._share(3700.0, 0.5, 20.0) == 20.0
 
 
 def test_what_cannot_be_written_is_said_and_the_rest_is_kept(tmp_path: Path) -> None:
