@@ -133,7 +133,7 @@ def _duration(seconds: float) -> str:
 
 
 def _storable(value: Any) -> bool:
-    """Check for a text of Unicode, a double, or an integer of at most 64 bits."""
+    """Check for a text of Unicode, a double, or an integer below 2^64."""
     if isinstance(value, str):
         return not any("\ud800" <= sign <= "\udfff" for sign in value)
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**64)

@@ -114,7 +114,7 @@ class _Row:
 
 @dataclass(slots=True)
 class _Column:
-    """A variable as far as it was read; ends are None where the file has none. Mutable."""
+    """A variable as far as it was read; None for ends not given. Mutable."""
 
     name: str
     integer: bool
