@@ -1,4 +1,4 @@
-"""MPS files: linear rows with ranges, bounds, integers, a quadratic objective and quadratic rows.
+"""MPS files: linear and quadratic rows, bounds, integers, a quadratic objective.
 
 Whatever a line says counts or is refused by its number: other readers pass over words that they
 do not expect, read ``3,5`` as 3 and add the right-hand sides of free rows to the objective.
@@ -297,7 +297,7 @@ class _File:
         column.integer |= integer
 
     def bounded(self, words: list[str], numbered: bool) -> tuple[str, str]:
-        """Return the name of a column and the word behind it; note the name of the set."""
+        """Return the name of a column and its number; check the set."""
         least = 2 if numbered else 1
         if len(words) == least + 1 or (len(words) == 3 and words[1] in self.places):
             self.one_set(words.pop(0))
