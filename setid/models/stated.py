@@ -42,8 +42,10 @@ def check_structure(model: Any) -> None:
     name = type(model).__name__
     good = not isinstance(model, type) and asked(name, lambda: isinstance(model, Structure))
     if not good:  # a class has the methods too
-        found = model.__name__ if isinstance(model, type) else name
-        raise ModelError(f"model: found {found}, expected a structure such as TransferFunction")
+        found = f"the class {model.__name__}" if isinstance(model, type) else name
+        raise ModelError(
+            f"model: found {found}, expected a structure such as TransferFunction(1, 1)"
+        )
     _check_overridden(model)
     if not _plugged(model, "parameters"):
         return

@@ -115,7 +115,7 @@ def test_a_search_for_simpler_structures_without_time_loses_nothing_else(monkeyp
     data = setid.IOData([1, 0, -1, 1, 0, 1], [2.1, 0, -1.9, 2, 0.1, 2])
     model, noise = setid.TransferFunction(na=1, nb=2), setid.Noise(output=0.2)
     assert setid.identify(data, model, noise, options=OPTIONS).unbounded is not None
-    monkeypatch.setattr(engine, "find_unbounded", Late())
+    monkeypatch.setattr("setid.bounding.without_box.find_unbounded", Late())
     result = setid.identify(data, model, noise, options=OPTIONS)
     assert result.unbounded is None and bool(result.verify())
 

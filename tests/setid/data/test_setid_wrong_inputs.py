@@ -48,7 +48,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no list of sets": (lambda: setid.Noise(constraints=3), "constraints: found int"),
     "a class": (
         lambda: setid.identify(DATA, setid.TransferFunction, NOISE),
-        "model: found type",
+        "model: found the class TransferFunction",
     ),
     "no list of priors": (
         lambda: setid.identify(DATA, MODEL, NOISE, priors=3),
@@ -89,7 +89,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no structure": (lambda: setid.simulate(None, [1.0], [1.0]), "model: found NoneType"),
     "a class to simulate": (
         lambda: setid.simulate_record(setid.TransferFunction, [1.0], [1.0], NOISE),
-        "model: found type",
+        "model: found the class TransferFunction",
     ),
     "an input without samples": (
         lambda: setid.excitation(MODEL, [0.5, 1.0], [], NOISE_OF_EQUATIONS),
