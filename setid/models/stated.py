@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from numbers import Integral
+from types import MemberDescriptorType
 from typing import Any, TypeVar, get_args
 
-from setid.data.checks import is_double
+from setid.data.checks import MOST_TERMS, is_double
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 
@@ -21,7 +22,7 @@ __all__ = ["asked", "check_structure", "coefficients_of", "equations_of", "regre
 
 T = TypeVar("T")
 _OWN = "setid.models."  # where structures are that need no check
-_LARGEST = 2**31  # lags, and differences
+_WHOLE = f"an integer >= 0, at most {MOST_TERMS}"
 _MOST = 10**5  # terms of an equation with internal signals put in
 _Word = tuple[tuple[str, ...], tuple[Lagged, ...]]  # parameters and signals
 
@@ -112,8 +113,11 @@ def regression_of(model: Structure) -> tuple[Equation, ...]:
         own = {e.defines: e for e in equations_of(model, noisy)}
         for equation in found:
             wanted = own.get(equation.defines)
-            same = wanted is not None and equation.error == wanted.error
-            if wanted is None or not same or _words(equation, {}) != _words(wanted, own):
+            words, same = (
+                _words(equation, {}),
+                wanted is not None and equation.error == wanted.error,
+            )
+            if wanted is None or not same or words is None or words != _words(wanted, own):
                 raise ModelError(
                     f"{place}: found an equation of {equation.defines} that is not the one that "
                     f"{type(model).__name__}.equations({list(noisy)}) states with products in "
@@ -145,18 +149,21 @@ def coefficients_of(model: Structure, output: int, input: int) -> Transfer:
     if not _plugged(model, "transfer"):
         return model.transfer(output, input)
     place = f"{type(model).__name__}.transfer"
+    for field, number, most in (("output", output, model.outputs), ("input", input, model.inputs)):
+        if not _whole(number) or not 1 <= number <= most:
+            raise ModelError(f"{field}: found {number!r:.60}, expected 1 to {most}")
     found = asked(place, lambda: model.transfer(output, input))
     if not isinstance(found, Transfer):
         raise ModelError(f"{place}: found {type(found).__name__}, expected a Transfer")
     for field in ("numerator", "denominator"):
         names = getattr(found, field)
-        if not isinstance(names, tuple) or not set(names) <= set(model.parameters):
+        if not isinstance(names, tuple) or not all(name in model.parameters for name in names):
             raise ModelError(
                 f"{place}: found the {field} {names!r:.60}, expected a tuple of parameters of "
                 "the structure"
             )
     if not _whole(found.delay):
-        raise ModelError(f"{place}: found the delay {found.delay!r:.60}, expected an integer >= 0")
+        raise ModelError(f"{place}: found the delay {found.delay!r:.60}, expected {_WHOLE}")
     rows = {e.defines: e for e in regression_of(model)}
     if rows and not found.continuous:
         _check_transfer(found, rows[f"y{output}"], f"u{input}", place)
@@ -192,18 +199,28 @@ def _plugged(model: Structure, name: str) -> bool:
 
 def _check_overridden(model: Structure) -> None:
     """Refuse structures of this package with other methods: proofs rest on the structure's own."""
-    changed = dict[str, str]()
+    changed = dict[str, Any]()
     for kind in type(model).__mro__:
         if kind.__module__.startswith(_OWN):
-            wrong = [name for name in changed if not name.startswith("__") and name in vars(kind)]
+            wrong = [name for name, new in changed.items() if _replaces(new, vars(kind).get(name))]
             if wrong and kind is not Structure:
                 raise ModelError(
                     f"model: found {type(model).__name__}, a {kind.__name__} with its own "
                     f"{wrong[0]}, expected a {kind.__name__} as it is or a structure of its own"
                 )
         else:
-            made = (n for n, v in vars(kind).items() if callable(v) or isinstance(v, property))
-            changed |= dict.fromkeys(made, kind.__name__)
+            made = {n: value for n, value in vars(kind).items() if not n.startswith("__")}
+            changed = made | changed
+
+
+def _replaces(new: Any, own: Any) -> bool:
+    """Check that an attribute of a class hides what a class of this package computes.
+
+    Values of fields belong to instances: those of a class are defaults, which hide nothing.
+    """
+    if own is None or isinstance(new, MemberDescriptorType):
+        return False
+    return not isinstance(own, MemberDescriptorType) or hasattr(type(new), "__get__")
 
 
 def asked(place: str, question: Callable[[], T]) -> T:
@@ -242,7 +259,7 @@ def asked(place: str, question: Callable[[], T]) -> T:
 
 def _whole(given: Any) -> bool:
     whole = isinstance(given, Integral) and not isinstance(given, bool)
-    return whole and 0 <= int(given) < _LARGEST
+    return whole and 0 <= int(given) <= MOST_TERMS
 
 
 def _check_fields(model: Structure) -> None:
@@ -250,7 +267,10 @@ def _check_fields(model: Structure) -> None:
     for field in ("inputs", "outputs"):
         count: Any = asked(f"{name}.{field}", lambda field=field: getattr(model, field))  # type: ignore[misc]
         if not _whole(count) or count < 1:
-            raise ModelError(f"{name}.{field}: found {count!r:.60}, expected an integer >= 1")
+            raise ModelError(
+                f"{name}.{field}: found {count!r:.60}, expected an integer >= 1, at most "
+                f"{MOST_TERMS}"
+            )
     initial = asked(f"{name}.initial", lambda: model.initial)
     if not isinstance(initial, str) or initial not in get_args(Initial):
         raise ModelError(f"{name}.initial: found {initial!r:.60}, expected 'free' or 'zero'")
@@ -330,7 +350,7 @@ def _check_equation(
         )
     if not _whole(equation.differences):
         raise ModelError(
-            f"{where}: found differences={equation.differences!r:.60}, expected an integer >= 0"
+            f"{where}: found differences={equation.differences!r:.60}, expected {_WHOLE}"
         )
     for number, item in enumerate(equation.terms, 1):
         _check_term(item, f"{where}, term {number}", model, known)
@@ -364,15 +384,14 @@ def _check_term(item: Any, where: str, model: Structure, known: set[str]) -> Non
     if not isinstance(signals, tuple) or not all(isinstance(s, Lagged) for s in signals):
         raise ModelError(f"{where}: found the signals {signals!r:.60}, expected a tuple of Lagged")
     for factor in signals:
-        if factor.signal not in known:
+        if not isinstance(factor.signal, str) or factor.signal not in known:
             raise ModelError(
                 f"{where}: found the signal {factor.signal!r:.60}, expected a measured one or an "
                 f"internal one that is defined before, such as {', '.join(sorted(known)):.60}"
             )
         if not _whole(factor.lag):
             raise ModelError(
-                f"{where}: found the lag {factor.lag!r:.60} of {factor.signal}, expected an "
-                "integer >= 0"
+                f"{where}: found the lag {factor.lag!r:.60} of {factor.signal}, expected {_WHOLE}"
             )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,8 @@ def raising(error: BaseException) -> Callable[..., Any]:
         (of(term(1.0, "b", Lagged("w"))), "found the signal 'w'"),
         (of(term(1.0, "b", Lagged("u1", -1))), "found the lag -1 of u1"),
         (of(term(1.0, "b", Lagged("u1", 0.5))), "found the lag 0.5"),  # type: ignore[arg-type]
-        (of(term(1.0, "b", Lagged("u1", 2**40))), "found the lag 1099511627776"),
+        (of(term(1.0, "b", Lagged("u1", 10**5 + 1))), "found the lag 100001"),
+        (of(term(1.0, "b", Lagged(["u1"], 1))), "found the signal .'u1'."),  # type: ignore[arg-type]
         (of(term(1.0, "", Y)), "found y1 at lag 0 without a parameter"),
         (of(term(1.0, "b", Y, Y)), "found a product with y1 at lag 0"),
         (lambda noisy: of(term(1.0, "c", U)) if noisy else LINEAR, "found the parameters"),
@@ -111,6 +113,7 @@ def test_wrong_equations_are_named(equations: Any, message: str) -> None:
         ({"parameters": property(raising(KeyError("why")))}, "raised KeyError"),
         ({"inputs": 1.0}, "Own.inputs: found 1.0, expected an integer >= 1"),
         ({"outputs": 0}, "Own.outputs: found 0"),
+        ({"inputs": 10**9}, "Own.inputs: found 1000000000"),
     ],
 )
 def test_wrong_fields_are_named(fields: dict[str, Any], message: str) -> None:
@@ -202,17 +205,40 @@ def test_a_signal_with_parameters_or_a_constant_is_not_put_in(own: Term, put_in:
         regression_of(plugged(stated, of(put_in)))
 
 
+def test_regressions_with_too_many_terms_to_compare_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("setid.models.stated._MOST", 2)
+    other = of(OLD, term(-2.0, "b", U))
+    with pytest.raises(setid.ModelError, match="is not the one"):
+        regression_of(plugged(LINEAR, other))
+
+
 def test_structures_of_the_package_with_other_methods_are_refused() -> None:
     class Other(setid.TransferFunction):
         def equations(self, noisy: Any = ()) -> Any:
             return LINEAR
 
+    class Renamed(setid.TransferFunction):
+        parameters = ("p", "q")  # type: ignore[assignment]
+
+    class Kept(setid.TransferFunction):
+        parameters = cached_property(lambda self: ("p", "q"))  # type: ignore[assignment]
+
+    class Inputs(setid.TransferFunction):
+        inputs = cached_property(lambda self: 2)  # type: ignore[assignment]
+
     class Named(setid.TransferFunction):
+        initial = "zero"  # a default that is not used: the fields are those of the instance
+
         def note(self) -> str:
             return "of use"
 
     with pytest.raises(setid.ModelError, match="Other, a TransferFunction with its own equations"):
         setid.formulate(DATA, Other(1, 1), setid.Noise(output=0.1))
+    for wrong in (Renamed, Kept, Inputs):
+        with pytest.raises(setid.ModelError, match=f"found {wrong.__name__}, a TransferFunction"):
+            check_structure(wrong(1, 1))
     check_structure(Named(1, 1))
 
 
@@ -239,6 +265,7 @@ GOOD = of(term(1.0, "a", Lagged("y1", 1)), DRIVE)
         (Transfer(("b", "b"), ("a",), 1), "found no term"),
         (Transfer(("b",), ("c",), 1), "found the denominator .'c',."),
         (Transfer(["b"], ("a",), 1), "found the numerator"),  # type: ignore[arg-type]
+        (Transfer((["b"],), ("a",), 1), "found the numerator"),  # type: ignore[arg-type]
         (Transfer(("b",), ("a",), -1), "found the delay -1"),
         (("b",), "found tuple, expected a Transfer"),
     ],
@@ -250,6 +277,13 @@ def test_transfers_are_those_of_the_equation(answer: Any, message: str | None) -
         return
     with pytest.raises(setid.ModelError, match=f"Own.transfer: {message}"):
         setid.formulate(DATA, model, setid.Noise(output=0.1), setid.Stable())
+
+
+@pytest.mark.parametrize("pair", [(2, 1), (1, 2), (0, 1), (1, -1), (1.0, 1), ("y1", 1)])
+def test_channels_are_checked(pair: tuple[Any, Any]) -> None:
+    model = plugged(GOOD, GOOD, answer=Transfer(("b",), ("a",), 1))
+    with pytest.raises(setid.ModelError, match="(out|in)put: found .*, expected 1 to 1"):
+        coefficients_of(model, *pair)
 
 
 def test_families_are_named_where_they_raise() -> None:
