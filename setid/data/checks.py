@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite, nan
 from typing import Any, TypeVar
 
@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.errors import DataError, SetidError
 from sparsepop_py.algebra.exact_terms import require_doubles
+from sparsepop_py.budget import LimitReached
 
 __all__ = [
     "MOST_TERMS",
     "FrozenMapping",
+    "asked",
     "channels_of",
     "entries_of",
     "frozen",
@@ -171,6 +173,31 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
     if isinstance(given, (numbers.Integral, np.longdouble)):  # fractions mean the double nearby
         require_doubles(given, field, error)
     return value
+
+
+def asked(place: str, question: Callable[[], V], error: type[SetidError]) -> V:
+    """Ask what comes from outside; name its place where it raises.
+
+    Parameters
+    ----------
+    place : str
+        Its name for messages.
+    question : callable
+    error : type of SetidError
+        What an exception becomes. Those of this type and the end of the time pass.
+
+    Examples
+    --------
+    >>> from setid.errors import ModelError
+    >>> asked("Own.equations", lambda: (), ModelError)
+    ()
+    """
+    try:
+        return question()
+    except (error, LimitReached):
+        raise
+    except Exception as cause:  # whatever was written outside
+        raise error(f"{place}: raised {type(cause).__name__}: {cause}") from cause
 
 
 def is_double(given: Any) -> bool:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen
-from setid.data.noise import Noise
+from setid.data.checks import asked, frozen
+from setid.data.noise import Noise, NoiseConstraint
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
@@ -372,7 +372,7 @@ def _model_rows(
 def _noise_rows(noise: Noise, layout: Layout) -> list[_Collected]:
     rows = []
     for place, item in enumerate(noise.constraints):
-        for constraint in item(layout):
+        for constraint in _stated(item, layout, f"Noise.constraints[{place}]"):
             good = isinstance(constraint, sp.Constraint)
             good = good and not constraint.kind.is_matrix
             if not good or constraint.polynomial.dimension != layout.dimension:
@@ -382,6 +382,14 @@ def _noise_rows(noise: Noise, layout: Layout) -> list[_Collected]:
                 )
             rows.append(_Collected(constraint, "noise", item=place))
     return rows
+
+
+def _stated(item: NoiseConstraint, layout: Layout, place: str) -> list[sp.Constraint]:
+    """Ask a constraint on the noise for its rows, and name it where it raises."""
+    found: Any = asked(place, lambda: item(layout), NoiseError)
+    if not isinstance(found, Iterable):
+        raise NoiseError(f"{place}: found {type(found).__name__}, expected a list of constraints")
+    return asked(place, lambda: list(found), NoiseError)  # a generator raises here
 
 
 def check_rows_of_priors(model: Structure, priors: Sequence[Prior]) -> None:

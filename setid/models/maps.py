@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import MOST_TERMS, entries_of, natural, real_array
+from setid.data.checks import MOST_TERMS, asked, entries_of, natural, real_array
 from setid.errors import ModelError
 
 __all__ = ["Function", "StaticMap"]
@@ -141,11 +141,12 @@ class StaticMap:
             return found
         known = ~np.any(np.isnan(arguments), axis=0)
         found = np.full(shape, np.nan)
-        returned = item(*(np.asarray(a)[known] for a in arguments))
-        values = real_array(returned, f"StaticMap.basis[{place}]: value", ModelError)
+        field, samples = f"StaticMap.basis[{place}]", [np.asarray(a)[known] for a in arguments]
+        returned = asked(field, lambda: item(*samples), ModelError)
+        values = real_array(returned, f"{field}: value", ModelError)
         if values.shape != found[known].shape or not np.all(np.isfinite(values)):
             raise ModelError(
-                f"StaticMap.basis[{place}]: found values of shape {values.shape}, finite: "
+                f"{field}: found values of shape {values.shape}, finite: "
                 f"{bool(np.all(np.isfinite(values)))}; expected one finite number a sample"
             )
         found[known] = values

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from setid.data.checks import FrozenMapping
+from setid.data.checks import FrozenMapping, asked
 from setid.errors import ModelError
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
-from setid.models.stated import asked, check_structure
+from setid.models.stated import check_structure
 
 __all__ = ["Family", "families", "family_of", "register_structure"]
 
@@ -94,7 +94,7 @@ def _named(name: str, family: Family) -> Family:
 
     def made(order: int, degree: int, inputs: int, outputs: int) -> Structure:
         place = f"structure {name!r} of order {order} and degree {degree}"
-        found = asked(place, lambda: family(order, degree, inputs, outputs))
+        found = asked(place, lambda: family(order, degree, inputs, outputs), ModelError)
         check_structure(found)
         return found
 

@@ -14,11 +14,11 @@ from numbers import Integral
 from types import MemberDescriptorType
 from typing import Any, TypeVar, get_args
 
-from setid.data.checks import MOST_TERMS, is_double
-from setid.errors import ModelError, SetidError
+from setid.data.checks import MOST_TERMS, asked, is_double
+from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 
-__all__ = ["asked", "check_structure", "coefficients_of", "equations_of", "regression_of"]
+__all__ = ["check_structure", "coefficients_of", "equations_of", "regression_of"]
 
 T = TypeVar("T")
 _OWN = "setid.models."  # where structures are that need no check
@@ -41,12 +41,10 @@ def check_structure(model: Any) -> None:
     >>> check_structure(setid.TransferFunction(na=1, nb=1))
     """
     name = type(model).__name__
-    good = not isinstance(model, type) and asked(name, lambda: isinstance(model, Structure))
-    if not good:  # a class has the methods too
-        found = f"the class {model.__name__}" if isinstance(model, type) else name
-        raise ModelError(
-            f"model: found {found}, expected a structure such as TransferFunction(1, 1)"
-        )
+    if isinstance(model, type):  # it has the methods too
+        raise ModelError(f"model: found the class {model.__name__}, expected a structure")
+    if not asked(name, lambda: isinstance(model, Structure), ModelError):
+        raise ModelError(f"model: found {name}, expected a structure such as TransferFunction")
     _check_overridden(model)
     if not _plugged(model, "parameters"):
         return
@@ -152,7 +150,7 @@ def coefficients_of(model: Structure, output: int, input: int) -> Transfer:
     for field, number, most in (("output", output, model.outputs), ("input", input, model.inputs)):
         if not _whole(number) or not 1 <= number <= most:
             raise ModelError(f"{field}: found {number!r:.60}, expected 1 to {most}")
-    found = asked(place, lambda: model.transfer(output, input))
+    found = asked(place, lambda: model.transfer(output, input), ModelError)
     if not isinstance(found, Transfer):
         raise ModelError(f"{place}: found {type(found).__name__}, expected a Transfer")
     for field in ("numerator", "denominator"):
@@ -223,37 +221,6 @@ def _replaces(new: Any, own: Any) -> bool:
     return not isinstance(own, MemberDescriptorType) or hasattr(type(new), "__get__")
 
 
-def asked(place: str, question: Callable[[], T]) -> T:
-    """Ask a structure, or what makes one; name the place where it raises.
-
-    Parameters
-    ----------
-    place : str
-        Its name for messages.
-    question : callable
-
-    Raises
-    ------
-    ModelError
-        If it raises something else.
-
-    Examples
-    --------
-    >>> asked("Own.equations", lambda: ())
-    ()
-    """
-    try:
-        return question()
-    except SetidError as error:
-        if type(error) is ModelError:
-            raise
-        raise ModelError(f"{place}: raised {type(error).__name__}: {error}") from error
-    except Exception as error:  # whatever a structure does wrong
-        raise ModelError(
-            f"{place}: raised {type(error).__name__}: {error}; expected an answer or a ModelError"
-        ) from error
-
-
 # ---- what it says -----------------------------------------------------------------------
 
 
@@ -265,16 +232,16 @@ def _whole(given: Any) -> bool:
 def _check_fields(model: Structure) -> None:
     name = type(model).__name__
     for field in ("inputs", "outputs"):
-        count: Any = asked(f"{name}.{field}", lambda field=field: getattr(model, field))  # type: ignore[misc]
+        count: Any = asked(f"{name}.{field}", lambda field=field: getattr(model, field), ModelError)  # type: ignore[misc]
         if not _whole(count) or count < 1:
             raise ModelError(
                 f"{name}.{field}: found {count!r:.60}, expected an integer >= 1, at most "
                 f"{MOST_TERMS}"
             )
-    initial = asked(f"{name}.initial", lambda: model.initial)
+    initial = asked(f"{name}.initial", lambda: model.initial, ModelError)
     if not isinstance(initial, str) or initial not in get_args(Initial):
         raise ModelError(f"{name}.initial: found {initial!r:.60}, expected 'free' or 'zero'")
-    names: Any = asked(f"{name}.parameters", lambda: model.parameters)
+    names: Any = asked(f"{name}.parameters", lambda: model.parameters, ModelError)
     good = isinstance(names, tuple) and all(isinstance(n, str) and n for n in names)
     if not good or not names or len(set(names)) < len(names):
         raise ModelError(
@@ -292,7 +259,7 @@ def _equations(
     model: Structure, place: str, question: Callable[[], Any], none: bool = False
 ) -> tuple[Equation, ...]:
     """Equations that a structure states, checked; with ``none`` in measured signals, or none."""
-    given = asked(place, question)
+    given = asked(place, question, ModelError)
     if not isinstance(given, (tuple, list)) or not all(isinstance(e, Equation) for e in given):
         kind = type(given).__name__
         if isinstance(given, (tuple, list)):

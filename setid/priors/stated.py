@@ -7,13 +7,13 @@ that names it. The priors of this package need no check.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
 
 import sparsepop_py as sp
-from setid.data.checks import is_double
+from setid.data.checks import asked, is_double
 from setid.errors import PriorError
 from setid.models.equations import Structure
 from setid.priors.base import Facts, Interval, Prior, Symbols
@@ -106,9 +106,10 @@ def rows_of_prior(
     """
     if not _plugged(prior, "rows"):
         return list(prior.rows(model, symbols, facts))
-    found: Any = _asked(prior, "rows", lambda: prior.rows(model, symbols, facts))
-    if not isinstance(found, (list, tuple)):
-        _refuse(prior, "rows", found, "a list of constraints")
+    given: Any = _asked(prior, "rows", lambda: prior.rows(model, symbols, facts))
+    if not isinstance(given, Iterable) or isinstance(given, str):
+        _refuse(prior, "rows", given, "a list of constraints")
+    found = _asked(prior, "rows", lambda: list(given))  # a generator raises here
     dimension = next(iter(symbols.values())).dimension
     for row in found:
         if not isinstance(row, sp.Constraint) or row.kind.is_matrix:
@@ -118,7 +119,7 @@ def rows_of_prior(
                 f"{type(prior).__name__}.rows: found a constraint in {row.polynomial.dimension} "
                 f"variables, expected the {dimension} that it is given"
             )
-    return list(found)
+    return found
 
 
 def completion_of(prior: Prior, model: Structure, theta: Mapping[str, float]) -> dict[str, float]:
@@ -165,14 +166,7 @@ def _plugged(prior: Prior, name: str) -> bool:
 
 def _asked(prior: Prior, method: str, question: Callable[[], T]) -> T:
     """Ask a prior, and name it where it raises."""
-    try:
-        return question()
-    except PriorError:
-        raise
-    except Exception as error:  # whatever a prior does wrong
-        raise PriorError(
-            f"{type(prior).__name__}.{method}: raised {type(error).__name__}: {error}"
-        ) from error
+    return asked(f"{type(prior).__name__}.{method}", question, PriorError)
 
 
 def _refuse(prior: Prior, method: str, found: Any, expected: str) -> Any:
@@ -190,8 +184,9 @@ def _intervals(prior: Prior, method: str, found: Any) -> dict[str, Interval]:
 
 def _ends(prior: Prior, method: str, name: Any, given: Any) -> Interval:
     """Check both ends of an interval: doubles, or infinite outwards."""
-    pair = isinstance(given, (tuple, list)) and len(given) == 2
-    low, high = given if pair else (float("nan"), float("nan"))
+    ends = given.tolist() if isinstance(given, np.ndarray) else given
+    pair = isinstance(ends, (tuple, list)) and len(ends) == 2
+    low, high = ends if pair else (float("nan"), float("nan"))
     ordered = (
         (is_double(low) or low == -float("inf"))
         and (is_double(high) or high == float("inf"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -123,6 +124,24 @@ def test_sets_of_the_users_own() -> None:
             setid.formulate(data, FIR, setid.Noise(0.1, constraints=bad))
     with pytest.raises(setid.SetidError, match=r"name: found 'xi\[1\]'"):
         setid.formulate(data, FIR, setid.Noise(0.1)).layout.variable("xi[1]")
+
+
+@pytest.mark.parametrize(
+    ("constraint", "message"),
+    [
+        (lambda layout: None, "found NoneType, expected a list of constraints"),
+        (lambda layout: layout.variable("eta[1]") >= 0, "found Constraint, expected a list"),
+        (lambda layout: [layout.variable("eta[99]") >= 0], "raised SetidError: name: found 'eta"),
+        (lambda layout: (1 / k for k in [0]), "raised ZeroDivisionError"),
+        (lambda: [], "raised TypeError"),
+        (setid.EnergyBound, "raised TypeError: .*radius"),
+    ],
+)
+def test_constraints_that_raise_are_named(constraint: Any, message: str) -> None:
+    noise = setid.Noise(0.1, constraints=[lambda layout: [], constraint])
+    data = setid.IOData([1, 2, 3], [1, 2, 3])
+    with pytest.raises(setid.NoiseError, match=rf"^Noise.constraints\[1\]: {message}"):
+        setid.formulate(data, FIR, noise)
 
 
 def test_the_square_of_a_norm_is_rounded_upwards() -> None:

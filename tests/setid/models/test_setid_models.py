@@ -211,3 +211,24 @@ def test_an_offset_is_added_to_the_output_where_denominators_are_multiplied() ->
         for term in equation.terms
     )
     assert abs(left) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda u: 1 / 0, ": raised ZeroDivisionError"),
+        (lambda u, v: u, ": raised TypeError"),
+        (lambda u: None, ": "),
+        (lambda u: 1.0, ": found values of shape"),
+        (lambda u: u[:-1], ": found values of shape"),
+        (lambda u: np.full(u.shape, np.inf), ": value: found an infinite"),
+    ],
+)
+def test_functions_of_maps_that_raise_or_return_nonsense_are_named(
+    function: Callable[..., object], message: str
+) -> None:
+    linear = setid.TransferFunction(1, 1, 1)
+    model = setid.Hammerstein(linear, [1, function], normalise="gamma1")
+    data = setid.IOData([1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0])
+    with pytest.raises(setid.ModelError, match=rf"^StaticMap.basis\[1\]{message}"):
+        setid.formulate(data, model, setid.Noise(output=0.1))

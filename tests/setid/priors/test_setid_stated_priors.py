@@ -12,6 +12,7 @@ import setid
 import sparsepop_py as sp
 from setid.priors.base import Plain
 from setid.proofs.existence import admitted
+from sparsepop_py.budget import LimitReached
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
 MODEL = setid.TransferFunction(1, 1)
@@ -75,6 +76,28 @@ def test_wrong_completions_are_named(answer: Any, message: str) -> None:
     formulation = setid.formulate(DATA, MODEL, setid.Noise(output=0.1), prior)
     with pytest.raises(setid.PriorError, match=f"Own.complete: .*{message}"):
         formulation.point([0.0, 0.0])
+
+
+def test_generators_and_arrays_are_read() -> None:
+    given = plugged(
+        bounds={"a1": np.array([-1.0, 2.0])},
+        rows=lambda self, model, x, facts: (row for row in [x["a1"] >= 0.25]),
+    )
+    found = setid.formulate(DATA, MODEL, setid.Noise(output=0.1), [given])
+    assert (found.problem.lower[0], found.problem.upper[0]) == (-1.0, 2.0)
+    assert str(found.problem.constraints[-1]) == "-0.25 + a1 >= 0"
+
+
+def test_a_generator_that_raises_is_named() -> None:
+    given = plugged(rows=lambda self, model, x, facts: (x[name] >= 0 for name in ("a1", "q")))
+    with pytest.raises(setid.PriorError, match="Own.rows: raised KeyError: 'q'"):
+        setid.formulate(DATA, MODEL, setid.Noise(output=0.1), [given])
+
+
+def test_the_end_of_the_time_passes() -> None:
+    given = plugged(bounds=raising(LimitReached()))
+    with pytest.raises(LimitReached):
+        setid.formulate(DATA, MODEL, setid.Noise(output=0.1), [given])
 
 
 def test_answers_of_admits_are_true_or_false() -> None:
