@@ -161,7 +161,8 @@ class Group:
 
 
 def _rank(found: Any) -> int:
-    return len(found["shape"]) if isinstance(found, dict) and "shape" in found else 0
+    shape = found.get("shape") if isinstance(found, dict) else None
+    return len(shape) if isinstance(shape, list) else 0
 
 
 def _values(found: Any, n: int, place: str) -> list[Any]:

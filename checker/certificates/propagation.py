@@ -17,6 +17,7 @@ from ..arithmetic.interval import WHOLE, End, Interval
 from ..arithmetic.polynomial import INF, Polynomial, powers
 
 Factors = list[tuple[int, int]]
+_FAR = iv.above(2**1024)  # beyond all doubles
 
 
 class Box:
@@ -37,8 +38,13 @@ class Box:
         return Box(list(self.ends), {key: set(value) for key, value in self.stale.items()})
 
     def shrink(self, variable: int, low: End, high: End) -> None:
-        """Intersect with low <= x_variable <= high."""
+        """Intersect with low <= x_variable <= high; beyond all doubles an end says no more.
+
+        Sweeps may square ends without end, and so double their digits each time.
+        """
         old = self.ends[variable]
+        if not low > high:
+            low, high = _within_reach(low), -_within_reach(-high)
         new = iv.met(old, (low, high))
         if new != old:
             self.ends[variable] = new
@@ -49,6 +55,11 @@ class Box:
     def empty(self) -> bool:
         """Whether a lower end lies above the upper one."""
         return any(low > high for low, high in self.ends)
+
+
+def _within_reach(low: End) -> End:
+    """Weaken a lower end that is beyond all doubles."""
+    return -INF if low < -_FAR else min(low, _FAR)
 
 
 class Row:

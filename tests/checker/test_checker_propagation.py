@@ -49,3 +49,23 @@ def test_a_root_chooses_its_branch_by_what_the_same_sweep_found():
     for _ in range(2):
         rows.sweep(box, True)
     assert [(iv.exact(a), iv.exact(b)) for a, b in box.ends] == [(-1, -1), (1, 1), (1, 1)]
+
+
+def test_ends_that_escape_stop_beyond_all_doubles():
+    """x1 >= 2, x2 >= x1^2 and x1 >= x2^2: the exponents of both ends grow fourfold a sweep."""
+    words = [(1,), (2, 2)], [(2,), (1, 1)]
+    rows = Rows([Row(Polynomial.of(pair, [1.0, -1.0]), (0, INF)) for pair in words], [])
+    box = Box([(iv.above(2.0), INF), (-INF, INF)])
+    for _ in range(60):
+        rows.sweep(box, False)
+    assert [low for low, _ in box.ends] == [iv.above(2**1024)] * 2
+    assert not box.stale[False]
+
+
+def test_upper_ends_beyond_all_doubles_say_nothing():
+    box = Box([(-INF, INF)] * 2)
+    box.shrink(0, -INF, iv.above(2**1025))
+    box.shrink(1, -iv.above(2**1025), iv.above(2**1025))
+    assert box.ends == [(-INF, INF)] * 2
+    box.shrink(0, INF, -INF)
+    assert box.empty
