@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import zlib
 from typing import Any
 
@@ -50,3 +51,10 @@ def made(state: Any, known: Any) -> Result:
 
 latest = Batch()
 make, pipeline._result = pipeline._result, made
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage less often, and none of the modules: a twentieth of the time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)

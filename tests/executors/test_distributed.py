@@ -143,6 +143,7 @@ DATA = setid.IOData(
 )
 
 
+@pytest.mark.slow
 def test_select_takes_the_same_steps() -> None:
     noise = setid.Noise(equation=1e-3)
     serial = setid.select(DATA, setid.TransferFunction, noise, [0, 1, 2])

@@ -226,6 +226,7 @@ def test_cpu_seconds_that_solvers_spend_elsewhere_count():
     assert all(later <= earlier - 3.0 for earlier, later in zip(asked, asked[1:], strict=False))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "objective",
     [

@@ -25,6 +25,7 @@ FEW = 20  # nodes
 LINEAR = ("star", "split", "mixed", "full", "monomials", "cutoff", "linear_tree")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "advice"),
     [

@@ -336,6 +336,7 @@ def test_what_is_long_is_decided_before_anything_is_measured(seconds, long, monk
     assert made == [long, long]
 
 
+@pytest.mark.slow
 def test_searches_on_a_set_tighten_no_box_and_learn_from_trees_in_full(monkeypatch):
     learned, learn = {}, CostModel.learn
 

@@ -507,6 +507,7 @@ def test_wrong_files_leave_no_study_behind(
 # ---- setid ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_studies_of_identifications(tmp_path: Path) -> None:
     """The record of four samples, by hand in the documentation: b0 in [23/12, 2.10930...]."""
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])

@@ -151,6 +151,7 @@ def test_no_point_below_the_cutoff_is_lost_and_the_box_replays(end, above: float
     assert made.left == pytest.approx((new.hi - new.lo)[0] / (old.hi - old.lo)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ENDS)
 def test_below_the_least_value_nothing_is_left(end) -> None:
     """The grid is 1/500 wide: the least value on it is nearly that of the set."""

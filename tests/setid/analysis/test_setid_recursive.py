@@ -262,6 +262,7 @@ def test_nothing_is_attained_where_priors_mean_more_than_rows() -> None:
         assert item.inner is None and item.outer[0] <= low and high <= item.outer[1]
 
 
+@pytest.mark.slow
 def test_continuous_structures_take_the_interval_of_either_place() -> None:
     found = []
     for inside, outside in ((None, 0.1), (0.1, None), (0.1, 0.1)):

@@ -118,6 +118,7 @@ def two_inputs(**more: Any) -> tuple[setid.Identification, np.ndarray, np.ndarra
     return identified(setid.formulate(truth.data, model, noise), box), theta, truth.y
 
 
+@pytest.mark.slow
 def test_steps_of_separate_denominators_are_those_of_one_input() -> None:
     found, _, _ = two_inputs(offset=True)
     band = step_band(found, 12, input=2, time_limit=3.0, all_time=True)
@@ -257,6 +258,7 @@ def test_a_step_of_any_length_has_a_band_where_nothing_is_fed_back(length: int) 
     assert step_band(found, length, all_time=True).later[1] == pytest.approx(1.05)
 
 
+@pytest.mark.slow
 def test_a_numerator_that_normalise_fixes_is_named(tmp_path: Path) -> None:
     """w = 2 u + .6 u^2 and y_k = w_(k-1) + .5 w_(k-2), so that the zero is at -.5."""
     u = np.random.default_rng(0).uniform(-1, 1, 12)

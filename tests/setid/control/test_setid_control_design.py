@@ -55,6 +55,7 @@ def test_orders_are_raised_with_proofs_until_the_set_collapses_on_the_ideal_cont
     assert matching.stable and matching.fit > 99.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("Ts", "num", "den"),
     [
@@ -86,6 +87,7 @@ def test_dddc_lab_ideal_at_other_sampling_times(
         assert value - 1e-4 < low <= value + 1e-7 and value - 1e-7 <= high < value + 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_noise_on_the_controllers_input(integrator: bool) -> None:
     """Noise .005 on 60 samples: row by row, outer ends were 10 to 100 times too wide."""
@@ -162,6 +164,7 @@ def test_given_numerators() -> None:
     assert found.intervals["k2"].width < 1e-4
 
 
+@pytest.mark.slow
 def test_very_strong_noise_says_nothing_and_says_so() -> None:
     found = control.design(experiment(1.0), M, control.LTI(3), 1.0, options=QUICK)
     assert not found.empty
@@ -205,6 +208,7 @@ def test_what_keeps_intervals_open_is_said() -> None:
     assert why.startswith("no controller of this class is consistent")
 
 
+@pytest.mark.slow
 def test_a_design_is_pickled_and_copied() -> None:
     found = excited(2, 0.002)
     for again in (copy.deepcopy(found), pickle.loads(pickle.dumps(found))):

@@ -136,6 +136,7 @@ def test_predictions_in_continuous_time_do_not_know_the_reading_they_predict() -
     assert abs(moved[20]) < 1e-12 < abs(moved[21])
 
 
+@pytest.mark.slow
 def test_the_best_predictor_in_continuous_time_predicts_better_than_members() -> None:
     model, noise = setid.ContinuousTransferFunction(2, 1, Ts=0.2), setid.Noise(output=0.05)
     u = np.random.default_rng(0).uniform(-1, 1, 40)

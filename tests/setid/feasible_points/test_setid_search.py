@@ -38,6 +38,7 @@ def stated(
     return formulation, problem_on_box(formulation, find_box(formulation))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
     """The squares of outputs near zero are at their least value; the oracle is SCIP."""

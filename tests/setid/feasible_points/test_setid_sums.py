@@ -59,6 +59,7 @@ def test_simulations_are_those_of_the_structure(form: Form) -> None:
         assert slopes[:, place] == pytest.approx(change, abs=1e-5 * max(1.0, abs(change).max()))
 
 
+@pytest.mark.slow
 def test_ends_are_those_that_are_proved() -> None:
     """Outer intervals of the engine, which searches in all unknowns, are the oracle."""
     formulation = record(60, 0.05)

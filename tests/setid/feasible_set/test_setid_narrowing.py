@@ -122,6 +122,7 @@ def test_what_was_asked_is_kept_for_the_next_question(result: setid.Identificati
     assert len(narrowing_of(result, parameters_of(result)).cover.right) == rows
 
 
+@pytest.mark.slow
 def test_bands_of_output_errors_are_narrow(result: setid.Identification) -> None:
     band = setid.step_band(result, 40)
     assert band.report is not None and band.report.ratio < 1.5

@@ -92,6 +92,7 @@ def test_a_parameter_of_no_row_is_not_said_to_be_zero() -> None:
     assert "b0 does not follow" in claim.verify().reason
 
 
+@pytest.mark.slow
 def test_box_and_engine_share_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
     module = sys.modules["setid.feasible_set.start"]
     box, solve, given = module.parameter_box, sp.solve_each, []

@@ -274,6 +274,7 @@ def test_cells_are_searched_with_one_thread_and_the_executor(
     assert seen == [({1}, 1), ({1}, 0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_records_of_110_samples_are_bounded_by_cells_or_else_by_the_engine(held: bool) -> None:
     """A constant input cannot be told from an offset, and cells say nothing."""
@@ -345,6 +346,7 @@ def least_for(poles: np.ndarray, data: setid.IOData) -> float:
     return float(linprog(cost, below, right, bounds=(None, None)).fun)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_least_noise_of_two_inputs_is_bounded_without_a_prior(seed: int) -> None:
     """By linear programs for given poles, and a search of these, which knows nothing of rows."""

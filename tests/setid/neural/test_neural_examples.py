@@ -27,6 +27,7 @@ def run(name: str, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_gradients() -> None:
     text = run("neural_gradients")
     rows = re.findall(r"^ +([\d.]+) +(\d+) +(\S+) +(\S+) +(\w+)", text, re.M)

@@ -153,6 +153,7 @@ def test_an_emptiness_without_proof_is_found() -> None:
     assert not replace(none, bound=0.06, choices=(forged, gone)).verify()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signs", [[1.0, 1.0], [1.0, -1.0]])
 def test_two_planted_neurons_stay_inside(signs: list[float]) -> None:
     slopes = [[0.3, 2.0, 0.5, 0.2], [-0.2, -1.0, 1.0, 0.1]]

@@ -137,6 +137,7 @@ def test_other_smooth_neurons(name: str) -> None:
         assert found.intervals[key].outer[0] <= value <= found.intervals[key].outer[1]
 
 
+@pytest.mark.slow
 def test_two_neurons_are_ordered() -> None:
     data = planted("tanh", 12, 0.02)
     found = neural.hidden_weights(structure("tanh", 2), data, 0.03, weights=2.0, time_limit=2.0)

@@ -73,6 +73,7 @@ def shown(axes) -> str:
     return buffer.getvalue()
 
 
+@pytest.mark.slow
 def test_names_and_units_are_no_mathematics() -> None:
     data = setid.IOData(
         [4, -3, 2, 1, 2, -1],
@@ -104,6 +105,7 @@ def test_a_report_holds_pictures_of_channels_with_dollars(tmp_path) -> None:
     assert (tmp_path / "page.html").read_text(encoding="utf-8").count("data:image/svg") > 1
 
 
+@pytest.mark.slow
 def test_infinite_bands_can_be_drawn() -> None:
     base = first_order().formulation
     loose = setid.formulate(base.data, base.model, setid.Noise(output=5.0))

@@ -349,6 +349,7 @@ def test_high_degrees_of_a_map_are_not_unique(degree: int) -> None:
     assert found.verify()
 
 
+@pytest.mark.slow
 def test_references_with_sums_of_products_as_unknowns_follow() -> None:
     """Noisy outputs make products of parameters: the reference is stated with them as unknowns."""
     u, y = np.random.default_rng(0).uniform(-1, 1, 20), np.zeros(20)

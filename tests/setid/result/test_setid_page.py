@@ -60,6 +60,7 @@ def captions(path: Path) -> list[str]:
     return re.findall(r"<figcaption>([^<]*)</figcaption>", text)
 
 
+@pytest.mark.slow
 def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
     pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     model = setid.TransferFunction(1, 1, 1, inputs=2, common_denominator=True)
@@ -76,6 +77,7 @@ def test_a_page_shows_each_pair_of_channels(tmp_path: Path) -> None:
     assert "prediction: readings and band" in shown and "one-step residuals" in shown[-1]
 
 
+@pytest.mark.slow
 def test_a_page_on_blocks_shows_their_maps_and_what_is_sampled(tmp_path: Path) -> None:
     pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
     linear, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05)

@@ -107,6 +107,7 @@ def test_a_record_gives_proved_intervals_and_files(client: Any) -> None:
     assert "attachment" in files["report.txt"].headers["Content-Disposition"]
 
 
+@pytest.mark.slow
 def test_a_table_with_decimal_commas_says_the_same(client: Any) -> None:
     commas, local = RECORD.replace(b",", b";").replace(b".", b","), "http://127.0.0.1"
     sent = client.post("/records?decimal=,", data=commas, headers=CHANGE, base_url=local).json
@@ -118,6 +119,7 @@ def test_a_table_with_decimal_commas_says_the_same(client: Any) -> None:
     assert wrong.status_code == 400 and wrong.json["error"].startswith("decimal: found ';'")
 
 
+@pytest.mark.slow
 def test_validation_uses_the_rest_of_the_file(client: Any) -> None:
     record = (ROOT / "examples/data/hairdryer.csv").read_bytes()
     name = send(client, record).json["record"]
@@ -580,6 +582,7 @@ def test_stop_in_a_browser(page: Any) -> None:
     assert page.is_hidden("#stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("header", ["u,u,u", '"a, b","c","y"', "u,v;w,y"])
 def test_samples_with_odd_names_are_proved_again(
     client: Any, header: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
