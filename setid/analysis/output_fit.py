@@ -30,9 +30,9 @@ from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.fits import fit_of_denominator
 from setid.minimum_noise.separate_noise import separate_noise
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.models.stated import coefficients_of
 from setid.options import Options
 from setid.proofs.existence import proved_point
 from setid.proofs.least_noise.least_error import (

@@ -29,13 +29,13 @@ from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, check_priors, formulate
 from setid.html import section
 from setid.html import table as html_table
+from setid.models.checked_structures import check_structure, regression_of
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
-from setid.models.stated import check_structure, regression_of
 from setid.options import check_executor
 from setid.priors.base import Prior, listed
-from setid.priors.stated import bounds_of
+from setid.priors.checked_priors import bounds_of
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import rows_say_all
 from setid.proofs.intervals import IntervalStatus, ParameterInterval

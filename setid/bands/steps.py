@@ -15,10 +15,10 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import Coordinates
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.checked_structures import coefficients_of, regression_of
 from setid.models.continuous import ContinuousTransferFunction
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.models.stated import coefficients_of, regression_of
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow, transfer_row
 from setid.simulation.simulate import simulate

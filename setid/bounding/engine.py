@@ -34,7 +34,7 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 from setid.result.progress import Progress
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["NO_BOX", "STOPPED", "by_engine", "points_at_ends", "recheck_results"]
@@ -191,14 +191,14 @@ def _start(
     long, found = is_long(formulation), list[NDArray[np.float64]]()
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
-    elif long:
+    elif long and formulation.sums:
         found = ends_of_long_record(formulation, problem, start, deadline)
     at_ends = long and bool(found)
     if not found and _many_sums(formulation) and not coupled(formulation):
         found = _ends_without_sums(formulation, problem, start)
     if not found and long:
         found = [start]
-    return start, _proved(formulation, scaled, found), at_ends
+    return start, _proved(formulation, scaled, found, deadline), at_ends
 
 
 def points_at_ends(
@@ -221,24 +221,32 @@ def points_at_ends(
         A nearly feasible vector.
     deadline : Deadline
     """
-    if coupled(formulation):
-        found = [end.x for end in search_ends(formulation, problem, start)]
-    elif is_long(formulation):
+    if is_long(formulation) and not coupled(formulation):
         found = ends_of_long_record(formulation, problem, start, deadline)
-    elif _many_sums(formulation):
+    elif _many_sums(formulation) and not coupled(formulation):
         found = _ends_without_sums(formulation, problem, start)
     else:
         found = [end.x for end in search_ends(formulation, problem, start)]
-    return _proved(formulation, scaled, found)
+    return _proved(formulation, scaled, found, deadline)
 
 
 def _proved(
-    formulation: Formulation, scaled: InUnits, found: Iterable[NDArray[np.float64]]
+    formulation: Formulation,
+    scaled: InUnits,
+    found: Iterable[NDArray[np.float64]],
+    deadline: Deadline,
 ) -> list[sp.ProvedPoint]:
-    """Keep the vectors that are proved to be consistent, as points in units."""
-    known = solved_rows(formulation, scaled.problem)
-    again = (proved_point(formulation, scaled.problem, x / scaled.units, known) for x in found)
-    return [point for point in again if point is not None]
+    """Keep the vectors that are proved to be consistent in time, as points in units."""
+    known, points = solved_rows(formulation, scaled.problem), list[sp.ProvedPoint]()
+    try:
+        for x in found:
+            point = proved_point(formulation, scaled.problem, x / scaled.units, known)
+            points += [] if point is None else [point]
+    except EARLY as cause:
+        if not points:
+            raise
+        deadline.ended(cause)
+    return points
 
 
 def _many_sums(formulation: Formulation) -> bool:

@@ -36,7 +36,7 @@ from setid.formulation.formulation import Formulation, formulate, lifted, withou
 from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
-from setid.priors.stated import unknowns_of
+from setid.priors.checked_priors import unknowns_of
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import ProvedBox, problem_on_box
 from setid.result.assembling import Outcome, stated_problem

@@ -37,7 +37,7 @@ from sparsepop_py.verified.points.feasible_point import valued
 __all__ = ["without_box"]
 
 _ROOM = 4.0  # times an estimate, or 1: how far from it a search goes
-_SHARE = 0.5  # of the time left, for searches
+_SHARE = 0.5  # of the time left, for a common factor, and then of what is left for searches
 
 
 def without_box(
@@ -57,7 +57,7 @@ def without_box(
     free, alone = free_parameters(formulation)
     unbounded: Unbounded | None = None
     if not free:
-        find = partial(find_unbounded, formulation, context.until)
+        find = partial(find_unbounded, formulation, context.deadline.part(_SHARE).end)
         unbounded = context.kept("common factor", find, None)
     why: tuple[str, ...] = ()
     if unbounded is not None:

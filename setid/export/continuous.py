@@ -19,8 +19,8 @@ from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.checked_structures import coefficients_of
 from setid.models.continuous import INDIRECT_WARNING
-from setid.models.stated import coefficients_of
 
 __all__ = ["ContinuousEstimate", "to_continuous"]
 

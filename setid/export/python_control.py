@@ -21,8 +21,8 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.best import best
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
-from setid.models.stated import coefficients_of
 from setid.simulation.responses import frequency_response, grid, transfer_of
 from sparsepop_py.verified.arithmetic.display import rounded
 

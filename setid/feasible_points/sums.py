@@ -1,4 +1,4 @@
-"""Ends of long records whose rows hold sums of products: by simulations, in the parameters alone.
+"""Ends of long records, also with sums of products in rows: by simulations, in the parameters.
 
 Searches that hold all samples and sums as unknowns take minutes for a thousand rows. A simulation
 has a few unknowns: the parameters and the first outputs. What comes back is proved elsewhere.
@@ -17,8 +17,8 @@ from setid.feasible_points.cascades import point_of
 from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import Sum, lift
+from setid.models.checked_structures import equations_of
 from setid.models.equations import Term
-from setid.models.stated import equations_of
 from setid.proofs.simulated.forms import Form, Region, constant, plus, times
 from setid.proofs.simulated.outputs import Recursion, recursion_from, recursion_of
 from sparsepop_py.budget import Deadline

@@ -22,10 +22,10 @@ from setid.feasible_set.supports import cover_of
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import LIFTED, Sum, lift
 from setid.formulation.regression import Regression, rows_of_readings
+from setid.models.checked_structures import regression_of
 from setid.models.equations import Equation, Structure
 from setid.models.general import BlockStructured, nonlinear_rows
 from setid.models.lti import TransferFunction
-from setid.models.stated import regression_of
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.sums import with_sums
 

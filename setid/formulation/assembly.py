@@ -28,11 +28,17 @@ from setid.formulation.regression import (
 from setid.formulation.signals import Signal, internal_range, measured, missing_ranges, unknown
 from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import equations_of
 from setid.models.equations import Equation, Structure
 from setid.models.lti import TransferFunction
-from setid.models.stated import equations_of
 from setid.priors.base import Facts, Prior
-from setid.priors.stated import bounds_of, description_of, rows_of_prior, stable_of, unknowns_of
+from setid.priors.checked_priors import (
+    bounds_of,
+    description_of,
+    rows_of_prior,
+    stable_of,
+    unknowns_of,
+)
 from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 

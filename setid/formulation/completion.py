@@ -19,7 +19,7 @@ from setid.formulation.layout import Layout
 from setid.formulation.lifting import LIFTED
 from setid.models.equations import Structure, channel_of
 from setid.priors.base import Prior
-from setid.priors.stated import completion_of
+from setid.priors.checked_priors import completion_of
 
 __all__ = [
     "Affine",

@@ -29,9 +29,9 @@ from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Initial, Structure, channel_of
 from setid.models.lti import TransferFunction
 from setid.priors.base import Prior, listed
+from setid.priors.checked_priors import description_of
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
-from setid.priors.stated import description_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = [

@@ -21,11 +21,11 @@ from setid.formulation.signals import (
     product,
 )
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import check_structure, regression_of
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure
 from setid.models.general import nonlinear_rows
 from setid.models.lti import TransferFunction
-from setid.models.stated import check_structure, regression_of
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
 __all__ = [

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.record import IOData
+from setid.models.checked_structures import regression_of
 from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
-from setid.models.stated import regression_of
 from sparsepop_py.verified.arithmetic.scalar_interval import plus
 
 __all__ = ["Ball", "Signal", "internal_range", "measured", "missing_ranges", "product", "unknown"]

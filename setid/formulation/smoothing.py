@@ -20,8 +20,8 @@ from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.formulation.regression import Regression
 from setid.formulation.signals import Integers, Reals
+from setid.models.checked_structures import regression_of
 from setid.models.equations import Equation, Structure
-from setid.models.stated import regression_of
 
 __all__ = ["smoothed"]
 

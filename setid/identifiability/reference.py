@@ -16,7 +16,7 @@ from setid.errors import ModelError
 from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure
 from setid.priors.base import Prior
-from setid.priors.stated import description_of
+from setid.priors.checked_priors import description_of
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.uniqueness.normalisation import (

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from setid.data.record import IOData
 from setid.formulation.regression import regression_of_data
 from setid.minimum_noise.programs import Programs, longest_stretches
+from setid.models.checked_structures import coefficients_of
 from setid.models.lti import TransferFunction
-from setid.models.stated import coefficients_of
 from setid.proofs.denominators.output_rows import OutputRows
 from setid.simulation.responses import run
 

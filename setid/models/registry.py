@@ -12,10 +12,10 @@ from typing import Protocol
 
 from setid.data.checks import FrozenMapping, asked
 from setid.errors import ModelError
+from setid.models.checked_structures import check_structure
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
-from setid.models.stated import check_structure
 
 __all__ = ["Family", "families", "family_of", "register_structure"]
 

@@ -13,8 +13,8 @@ import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, entries_of, number
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
-from setid.models.stated import coefficients_of
 
 __all__ = [
     "Facts",

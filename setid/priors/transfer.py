@@ -16,8 +16,8 @@ from setid.data.checks import number, word
 from setid.data.digits import all_digits
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure, Transfer
-from setid.models.stated import coefficients_of
 from setid.priors.base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
 from setid.priors.hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
 from setid.priors.jury import is_stable, jury_rows, jury_unknowns, jury_values

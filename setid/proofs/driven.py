@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import DRIVEN
+from setid.models.checked_structures import regression_of
 from setid.models.lti import TransferFunction
-from setid.models.stated import regression_of
 from setid.priors.base import Prior
-from setid.priors.stated import bounds_of
+from setid.priors.checked_priors import bounds_of
 from setid.proofs.intervals import ParameterInterval
 from sparsepop_py.verified.arithmetic.interval import Interval
 

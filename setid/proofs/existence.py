@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
-from setid.priors.stated import admits_box
+from setid.priors.checked_priors import admits_box
 
 __all__ = ["SolvedRows", "admitted", "proved_point", "rows_say_all", "solved_rows"]
 

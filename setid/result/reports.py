@@ -18,7 +18,7 @@ from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identifiability.dependent_signals import dependent_parameters
 from setid.minimum_noise.conflicting_samples import samples_listed
-from setid.priors.stated import bounds_of, description_of, unknowns_of
+from setid.priors.checked_priors import bounds_of, description_of, unknowns_of
 from setid.priors.transfer import Stable
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from sparsepop_py.verified.arithmetic.display import rounded

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.checks import real_array
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
+from setid.models.checked_structures import coefficients_of, regression_of
 from setid.models.equations import Equation, Structure, Transfer, channel_of
 from setid.models.general import BlockStructured
 from setid.models.lti import TransferFunction
-from setid.models.stated import coefficients_of, regression_of
 from setid.simulation.recursions import solve_equations
 from setid.simulation.simulate import simulate
 

@@ -13,9 +13,9 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import check_structure, equations_of
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Equation, Structure, channel_of
-from setid.models.stated import check_structure, equations_of
 from setid.simulation.recursions import solve_equations
 
 __all__ = ["Simulated", "in_order", "simulate", "simulate_record"]

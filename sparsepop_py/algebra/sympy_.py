@@ -37,7 +37,7 @@ def convert(
     """Replace sympy expressions, relations and cones by polynomials and constraints.
 
     The variables are the symbols named in ``names``, or all symbols that occur, in
-    natural order (x2 before x10). What sympy is told of the sign of a symbol becomes a
+    natural order (x2 before x10). The assumed sign of a symbol (``positive=True``) becomes a
     constraint, after those given. What is not symbolic passes unchanged.
     """
     return _converted(objective, constraints, names, _polynomial)
@@ -81,7 +81,7 @@ def _converted(
 
 
 def _check_real(symbols: list[Any]) -> None:
-    """Refuse symbols that sympy is told to be integers, or not to be real numbers."""
+    """Refuse symbols that are assumed to be integers, or not to be real numbers."""
     whole = [str(symbol) for symbol in symbols if symbol.is_integer]
     if whole:
         raise ProblemError(
@@ -97,7 +97,7 @@ def _check_real(symbols: list[Any]) -> None:
 
 
 def _signs(symbols: list[Any], labels: list[str]) -> list[Constraint]:
-    """State the signs that symbols were given, as sympy simplifies with them."""
+    """State the assumed signs of symbols, with which sympy simplifies."""
     rows = []
     for symbol in symbols:
         sign = int(bool(symbol.is_nonnegative)) - int(bool(symbol.is_nonpositive))

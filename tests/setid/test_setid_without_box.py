@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import setid
+import sparsepop_py as sp
+from setid.proofs.existence import proved_point
+from setid.proofs.parameter_box import ParameterBox
+from sparsepop_py.budget import LimitReached
 
 SAMPLES, NOISE = 22, 0.1
 
@@ -27,8 +33,9 @@ def least_error(data: setid.IOData, theta: NDArray[np.float64]) -> float:
 
     Each input's output starts from two numbers of its own: it is a sum of their responses.
     """
-    columns, forced = [], np.zeros(data.samples)
-    for channel, (a, b) in enumerate(((theta[:2], theta[4:6]), (theta[2:4], theta[6:8]))):
+    columns, forced, inputs = [], np.zeros(data.samples), data.inputs
+    pairs = theta.reshape(2 * inputs, 2)  # all denominators, then all numerators
+    for channel, (a, b) in enumerate(zip(pairs[:inputs], pairs[inputs:], strict=True)):
         for start in np.vstack([np.eye(2), np.zeros((1, 2))]):
             x = list(start)
             for k in range(2, data.samples):
@@ -84,4 +91,46 @@ def test_an_interrupted_search_leaves_what_is_proved(
     model, data = record()
     found = setid.identify(data, model, setid.Noise(output=NOISE))
     assert all(item.inner is None for item in found.intervals.values())
+    assert found.verify()
+
+
+@pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
+def test_points_that_were_proved_in_time_are_kept(
+    cause: type[BaseException], result: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proofs = []
+
+    def proved(*given: Any) -> sp.ProvedPoint | None:
+        if len(proofs) == 3:
+            raise cause
+        proofs.append(proved_point(*given))
+        return proofs[-1]
+
+    monkeypatch.setattr("setid.bounding.methods.find_box", lambda *_: result.evidence.box)
+    monkeypatch.setattr("setid.bounding.engine.proved_point", proved)
+    model, data = record()
+    found = setid.identify(data, model, setid.Noise(output=NOISE))
+    assert len(proofs) == 3 and found.verify()
+    low, high = found.intervals["a[1,1]1"].inner or (0.0, 0.0)
+    assert low < high  # of three points, which are at the ends of the first parameters
+
+
+def test_long_records_are_simulated_without_a_box(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise as large as the output: what is attained is consistent, and beside the truth."""
+    model, truth = setid.TransferFunction(2, 2, 1), (-1.2, 0.5, 0.3, 0.2)
+    source = np.random.default_rng(3)
+    u = source.uniform(-1.0, 1.0, 210)
+    clean = setid.simulate(model, truth, u)
+    noise = float(np.max(np.abs(clean)))
+    data = setid.IOData(u, clean + source.uniform(-noise, noise, clean.shape))
+    ends = np.full(4, -np.inf), np.full(4, np.inf)
+    nothing = ParameterBox(model.parameters, *ends, np.array(ends), ())
+    monkeypatch.setattr("setid.bounding.methods.find_box", lambda *_: nothing)
+    monkeypatch.setattr("setid.bounding.without_box.find_unbounded", lambda *_: None)
+    found = setid.identify(data, model, setid.Noise(output=noise))
+    for item in found.intervals.values():
+        assert item.outer == (-np.inf, np.inf) and item.inner is not None
+        for witness in item.witnesses:
+            assert witness is not None
+            assert least_error(data, witness[:4]) < (1.0 + 1e-6) * noise
     assert found.verify()

@@ -21,8 +21,8 @@ from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators, separate_fit
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
-from setid.models.stated import coefficients_of
 from setid.simulation.responses import from_readings, run
 from sparsepop_py.budget import check
 from sparsepop_py.lp.scaled import solve_scaled

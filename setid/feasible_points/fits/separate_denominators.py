@@ -22,9 +22,9 @@ from scipy.optimize import least_squares
 
 from setid.data.record import IOData
 from setid.feasible_points.fits.random_poles import random_denominator
+from setid.models.checked_structures import coefficients_of, regression_of
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.models.stated import coefficients_of, regression_of
 
 __all__ = [
     "OutputFit",

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import lift
+from setid.models.checked_structures import regression_of
 from setid.models.equations import Equation, Structure, Term, channel_of
 from setid.models.lti import TransferFunction
-from setid.models.stated import regression_of
-from setid.priors.stated import stable_of
+from setid.priors.checked_priors import stable_of
 
 __all__ = ["OutputRows", "output_rows"]
 

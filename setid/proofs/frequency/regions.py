@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
-from setid.models.stated import coefficients_of
 from setid.proofs.supports import Cover, Multipliers, supports
 
 __all__ = [

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
+from setid.models.checked_structures import equations_of
 from setid.models.equations import Equation, Term, channel_of
-from setid.models.stated import equations_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import (
     Form,

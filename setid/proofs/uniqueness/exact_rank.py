@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.models.checked_structures import equations_of
 from setid.models.equations import Equation, Term
 from setid.models.general import BlockStructured
-from setid.models.stated import equations_of
 from setid.simulation.simulate import in_order
 
 __all__ = ["moved_parameters"]

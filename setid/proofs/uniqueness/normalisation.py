@@ -34,7 +34,7 @@ from setid.errors import ModelError
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.lifting import LIFTED
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.priors.stated import bounds_of
+from setid.priors.checked_priors import bounds_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import start_of
 from setid.proofs.uniqueness.exact_rank import moved_parameters

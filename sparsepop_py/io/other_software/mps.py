@@ -25,7 +25,7 @@ __all__ = ["read_mps"]
 
 _INFINITE = 1e20  # ends of this size and more are none
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
-_ENDLESS = re.compile(r"[+-]?inf(?:inity)?", re.IGNORECASE)
+_INFINITY = re.compile(r"[+-]?inf(?:inity)?", re.IGNORECASE)
 _MAXIMISE = {"MAX": True, "MAXIMIZE": True, "MIN": False, "MINIMIZE": False}
 _SIDES = {  # kinds of bounds: which ends they set, whether with a number, whether of an integer
     "LO": ("lower", True, False),
@@ -239,13 +239,13 @@ class _File:
                 raise self.error(f"the row {name!r}", "one of ROWS")
             yield self.rows[name], self.value(word)
 
-    def value(self, word: str, endless: bool = False) -> float:
+    def value(self, word: str, infinite: bool = False) -> float:
         """Read a number; where it may be infinite, also such a word."""
-        if endless and _ENDLESS.fullmatch(word):
+        if infinite and _INFINITY.fullmatch(word):
             return float(word)
         found = _NUMBER.fullmatch(word)
         value = float(word.lower().replace("d", "e")) if found else math.nan
-        if math.isnan(value) or (math.isinf(value) and not endless):
+        if math.isnan(value) or (math.isinf(value) and not infinite):
             raise self.error(repr(word), "a number")
         return value
 
@@ -261,7 +261,7 @@ class _File:
             if name not in self.rows:
                 raise self.error(f"the row {name!r}", "one of ROWS")
             attribute = "side" if self.section == "RHS" else "width"
-            row, value = self.rows[name], self.value(word, endless=True)
+            row, value = self.rows[name], self.value(word, infinite=True)
             if getattr(row, attribute) is not None:
                 raise self.error(f"a second entry of {name!r} in {self.section}", "only one")
             self.check_end(row, value)
@@ -311,7 +311,7 @@ class _File:
             return {"lower": 0.0, "upper": 1.0}
         if not _SIDES[kind][1]:
             return {"lower": -math.inf, "upper": math.inf}
-        value = self.value(word, endless=True)
+        value = self.value(word, infinite=True)
         if abs(value) >= _INFINITE:
             value = math.copysign(math.inf, value)
         wrong = {"LO": math.inf, "LI": math.inf, "UP": -math.inf, "UI": -math.inf}

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from interrupted_programs import InterruptedPrograms
 from scipy.optimize import linprog
 
 import setid
 from setid import neural
-from setid.neural.arithmetic import LinearModel
 from setid.neural.branching import DualNode
 from setid.neural.training import hidden_weights
 
@@ -185,19 +185,11 @@ def test_proofs_are_about_their_structure_and_say_their_assumptions() -> None:
 
 def test_interrupts_keep_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     data = planted(8, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
-    usual, count = LinearModel.solve, [0]
-
-    def solve(self: LinearModel, *arguments: Any) -> Any:
-        count[0] += 1
-        if count[0] == last:
-            raise KeyboardInterrupt
-        return usual(self, *arguments)
-
-    monkeypatch.setattr(LinearModel, "solve", solve)
+    programs = InterruptedPrograms(monkeypatch)
     for last in (1, 5, 16, 17, 40):
-        count[0] = 0
+        programs.interrupt(last)
         found = neural.hidden_weights(structure(1, 0.0), data, 0.06, weights=3.0)
-        assert found.verify() and found.status == "partial" and count[0] == last
+        assert found.verify() and found.status == "partial" and programs.count == last
         for name, truth in {"w1_1": 0.5, "w1_2": 1.0, "w1_3": -0.3, "b1": 0.2, "c": 0.1}.items():
             low, high = found.intervals[name].outer
             assert low <= truth <= high

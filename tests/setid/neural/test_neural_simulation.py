@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
+from interrupted_programs import InterruptedPrograms
 
 import setid
 from setid import neural
-from setid.neural.arithmetic import Interval, LinearModel, enclose
+from setid.neural.arithmetic import Interval, enclose
 from setid.neural.simulations.forms import Form, activation
 
 RNG = np.random.default_rng
@@ -236,22 +236,14 @@ def test_interrupted_output_errors_hold(monkeypatch: pytest.MonkeyPatch) -> None
     net = network("nss")
     data = setid.IOData(RNG(6).uniform(-1, 1, size=6), RNG(8).uniform(-1, 1, size=6))
     whole = neural.output_error(net, data, [[-1.0, 1.0]] * 2, nodes=9)
-    usual, count = LinearModel.solve, [0]
-
-    def solve(self: LinearModel, *arguments: Any) -> Any:
-        count[0] += 1
-        if count[0] == last:
-            raise KeyboardInterrupt
-        return usual(self, *arguments)
-
-    monkeypatch.setattr(LinearModel, "solve", solve)
+    programs = InterruptedPrograms(monkeypatch)
     for last in (2, 3, 4):  # the first half of a box, the second, and one of another box
-        count[0] = 0
+        programs.interrupt(last)
         found = neural.output_error(net, data, [[-1.0, 1.0]] * 2, tolerance=0.0)
-        assert count[0] == last and found.verify()
+        assert programs.count == last and found.verify()
         assert found.nodes == 1 + 2 * ((last - 2) // 2)
         assert found.lower_bound <= whole.upper_bound
-    last, count[0] = 1, 0
+    programs.interrupt(1)
     with pytest.raises(KeyboardInterrupt):
         neural.output_error(net, data, [[-1.0, 1.0]] * 2)
 

@@ -6,14 +6,14 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
+from interrupted_programs import InterruptedPrograms
 
 import setid
 from setid import neural
-from setid.neural.arithmetic import Interval, LinearModel
+from setid.neural.arithmetic import Interval
 from setid.neural.training import smooth_members, smooth_weights
 from setid.neural.training.smooth_weights import WeightStep
 
@@ -211,19 +211,11 @@ def test_proofs_are_about_their_structure_and_say_their_assumptions(
 
 
 def test_interrupts_keep_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, count = LinearModel.solve, [0]
-
-    def solve(self: LinearModel, *arguments: Any) -> Any:
-        count[0] += 1
-        if count[0] == last:
-            raise KeyboardInterrupt
-        return usual(self, *arguments)
-
-    monkeypatch.setattr(LinearModel, "solve", solve)
+    programs = InterruptedPrograms(monkeypatch)
     for last in (2, 300):
-        count[0] = 0
+        programs.interrupt(last)
         data = planted("tanh", 12, 0.02)
         part = neural.hidden_weights(structure("tanh"), data, 0.03, weights=2.0, time_limit=2.0)
-        assert part.verify() and part.status == "partial" and count[0] == last
+        assert part.verify() and part.status == "partial" and programs.count == last
         for name, value in TRUTH.items():
             assert part.intervals[name].outer[0] <= value <= part.intervals[name].outer[1]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
+from interrupted_programs import InterruptedPrograms
 from scipy.optimize import linprog
 
 import setid
 import sparsepop_py as sp
 from setid import neural
-from setid.neural.arithmetic import LinearModel
 from setid.neural.training import train_proved as searches
 
 
@@ -390,20 +389,12 @@ def test_interrupts_keep_what_is_proved(
     data = record(6, noise=0.5)
     given = structure(1, activation), data, 3.0
     whole = neural.train_proved(*given, nodes=40, method=method)
-    usual, count = LinearModel.solve, [0]
-
-    def solve(self: LinearModel, *arguments: Any) -> Any:
-        count[0] += 1
-        if count[0] == last:
-            raise KeyboardInterrupt
-        return usual(self, *arguments)
-
-    monkeypatch.setattr(LinearModel, "solve", solve)
+    programs = InterruptedPrograms(monkeypatch)
     for last in (3, 4, 7, 8):
-        count[0] = 0
+        programs.interrupt(last)
         found = neural.train_proved(*given, nodes=40, method=method)
         assert found.verify() and found.lower_bound <= whole.upper_bound
-        assert count[0] <= last or method == "engine"
+        assert programs.count <= last or method == "engine"
 
 
 def test_envelopes_of_constants_are_refused() -> None:

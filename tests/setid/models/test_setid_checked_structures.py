@@ -11,14 +11,14 @@ import pytest
 
 import setid
 from setid.errors import EmptySetError
-from setid.models.equations import Equation, Lagged, Term, Transfer, term
-from setid.models.registry import family_of
-from setid.models.stated import (
+from setid.models.checked_structures import (
     check_structure,
     coefficients_of,
     equations_of,
     regression_of,
 )
+from setid.models.equations import Equation, Lagged, Term, Transfer, term
+from setid.models.registry import family_of
 
 Y, U = Lagged("y1"), Lagged("u1", 1)
 FIRST, OLD, DRIVE = term(1.0, "", Y), term(0.5, "a", Lagged("y1", 1)), term(-1.0, "b", U)
@@ -208,7 +208,7 @@ def test_a_signal_with_parameters_or_a_constant_is_not_put_in(own: Term, put_in:
 def test_regressions_with_too_many_terms_to_compare_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("setid.models.stated._MOST", 2)
+    monkeypatch.setattr("setid.models.checked_structures._MOST", 2)
     other = of(OLD, term(-2.0, "b", U))
     with pytest.raises(setid.ModelError, match="is not the one"):
         regression_of(plugged(LINEAR, other))

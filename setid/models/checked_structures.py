@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
+from functools import partial
 from numbers import Integral
 from types import MemberDescriptorType
 from typing import Any, TypeVar, get_args
@@ -232,7 +233,7 @@ def _whole(given: Any) -> bool:
 def _check_fields(model: Structure) -> None:
     name = type(model).__name__
     for field in ("inputs", "outputs"):
-        count: Any = asked(f"{name}.{field}", lambda field=field: getattr(model, field), ModelError)  # type: ignore[misc]
+        count: Any = asked(f"{name}.{field}", partial(getattr, model, field), ModelError)
         if not _whole(count) or count < 1:
             raise ModelError(
                 f"{name}.{field}: found {count!r:.60}, expected an integer >= 1, at most "
