@@ -51,6 +51,7 @@ C, X, Y = "s.t. c: -4 + x + 3*y >= 0", "0 <= x <= inf", "0 <= y <= inf"
             f"min x + 2*y | s.t. c: -2 + x + 3*y >= 0 | s.t. c: 4 - x - 3*y >= 0 | {X} | {Y}",
         ),
         (ROWS.replace("c 4", "c -1e30"), f"min x + 2*y | {X} | {Y}"),
+        (ROWS.replace(" G ", " L ").replace("c 4", "c 1e20"), f"min x + 2*y | {X} | {Y}"),
         (ROWS + "BOUNDS\n MI b x\n UP b x -3\n", f"min x + 2*y | {C} | -inf <= x <= -3 | {Y}"),
         (ROWS + "BOUNDS\n UP x 5\n FX y 2\n", f"min x + 2*y | {C} | 0 <= x <= 5 | 2 <= y <= 2"),
         (ROWS + "BOUNDS\n FR b x\n UP b y inf\n", f"min x + 2*y | {C} | {Y}"),
