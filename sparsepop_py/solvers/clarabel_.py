@@ -39,7 +39,9 @@ STATUS = {
     "DualInfeasible": "unbounded",
     "AlmostDualInfeasible": "unbounded",
 }
-_LARGE = 100_000  # entries of A, from which on an iteration may take a second
+_LARGE = 40_000  # entries of A; below, an iteration takes hardly longer than a process to start
+_SLOWEST = 3e-9  # seconds of an iteration by square entries of A: rings of cliques, much fill-in
+_SHARE = 0.25  # of the limit that an iteration may take in this process
 _EARLIER = 0.8  # of the limit: then it is to return its iterate, which may prove something
 _MOST_ITERATIONS = 2**32 - 1  # that Clarabel counts
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
@@ -100,12 +102,12 @@ def run_clarabel(
 ) -> Output:
     """Minimise a convex quadratic function on a cone.
 
-    That is x' hessian x / 2 + q'x subject to A x + s = b, s in K; hessian is upper. With a time
-    limit large programs are solved in a process of their own, which ends with the limit: Clarabel
-    looks at the clock between iterations alone, and one of these may take longer than the limit.
+    That is x' hessian x / 2 + q'x subject to A x + s = b, s in K; hessian is upper. Programs that
+    are large for their time limit are solved in a process of their own, which ends with the limit:
+    Clarabel looks at the clock between iterations alone, and one may take longer than the limit.
     """
     limit = settings.time_limit
-    if limit is None or A.nnz < _LARGE or not sys.executable:  # none where Python is embedded
+    if limit is None or not _may_overrun(A.nnz, limit) or not sys.executable:  # embedded Python
         return _solved(hessian, q, A, b, cones, settings)
     start, earlier = time.monotonic(), replace(settings, time_limit=_EARLIER * limit)
     with Processes(1) as pool:
@@ -118,6 +120,10 @@ def run_clarabel(
             return Output(np.zeros(q.size), np.zeros(b.size), b.copy(), 0, status)
     charge(found.seconds)
     return found
+
+
+def _may_overrun(entries: int, limit: float) -> bool:
+    return entries >= _LARGE and _SLOWEST * entries**2 > _SHARE * limit
 
 
 def _solved(hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings) -> Output:
