@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
@@ -112,7 +111,8 @@ def _roots(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Variables without a first moment, and roots of their second ones with signs that agree.
 
-    Where a square is no moment either, that of a product is divided by its known factor.
+    Where a square is no moment either, that of a product is divided by its known factor. Few
+    relaxations come to the graph: networkx, which takes a tenth of a second, is loaded for it.
     """
     letters, words = _letters(relaxation), monomials.widen(relaxation.moments, 2)
     either = np.flatnonzero(relaxation.moment_numbers(letters) < 0)
@@ -126,6 +126,8 @@ def _roots(
     first, second = (words[mixed, k].astype(np.int64) - 1 for k in (-2, -1))
     inside = np.isin(first, either) & np.isin(second, either) & (first != second)
     value = moments[mixed[inside] + 1]
+    import networkx as nx
+
     graph = nx.Graph()
     graph.add_nodes_from(either.tolist())
     ends = zip(first[inside].tolist(), second[inside].tolist(), value.tolist(), strict=True)
