@@ -78,8 +78,8 @@ def _checked(
     words = np.sort(basis, axis=2).astype(np.int32)
     if any(len({*map(tuple, each)}) < len(each) for each in words.tolist()):
         raise ProblemError(f"{place}: found a monomial twice in a basis, expected it once")
-    place_ = None if block.place is None else _places(block, f"{place}, place", words, problem)
-    return replace(block, generator=generator, clique=clique, basis=words, place=place_)
+    rows = None if block.place is None else _places(block, f"{place}, place", words, problem)
+    return replace(block, generator=generator, clique=clique, basis=words, place=rows)
 
 
 def _whole(given: Any, place: str, axes: int, low: int, high: int) -> Any:
