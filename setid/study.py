@@ -12,8 +12,10 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError
+from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.identify import identify
+from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior
@@ -79,9 +81,16 @@ def _verified(found: Any, place: str) -> Identification:
 
 
 def _belongs(result: Identification, given: tuple[Any, ...]) -> bool:
-    """Compare record, structure and noise with those of the task."""
-    about = result.formulation
-    return fingerprint((about.data, about.model, about.noise)) == fingerprint(tuple(given[:3]))
+    """Compare with the task as it is stated: record, structure, and all rows of the problem.
+
+    The rows hold noise and priors. A ``delta`` that was estimated is that of the result.
+    """
+    about, (data, model, noise, priors) = result.formulation, given[:4]
+    if isinstance(model, ContinuousTransferFunction) and model.delta == "estimate":
+        model, noise = without_delta(model), noise.covering(about.noise.model_error)
+    stated = formulate(data, model, noise, priors)
+    same = fingerprint((about.data, about.model)) == fingerprint((stated.data, stated.model))
+    return same and about.problem.fingerprint == stated.problem.fingerprint
 
 
 def _certificate(result: Identification) -> str:

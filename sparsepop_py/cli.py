@@ -238,17 +238,37 @@ def _add_orders_options(command: argparse.ArgumentParser) -> None:
 def _add_problem_files(command: argparse.ArgumentParser) -> None:
     """Let a study take files x orders as its tasks before it runs."""
     command.add_argument("files", metavar="FILE", nargs="*", help="problems to add before it runs")
-    command.add_argument("--orders", type=int, nargs="+", metavar="D", help="of each file")
+    command.add_argument(
+        "--orders",
+        type=int,
+        nargs="+",
+        metavar="D",
+        help="of each file, the least legal one if smaller",
+    )
     command.add_argument("--auto", action="store_true", help="effort auto, without clocks")
     command.add_argument("--time-limit", type=float, metavar="S", help="seconds for each problem")
     command.set_defaults(prepare=_tasks)
 
 
+def _refuse_options(arguments: argparse.Namespace) -> None:
+    """Refuse options of files where there are none."""
+    for name in ("orders", "auto", "time_limit"):
+        if getattr(arguments, name) not in (None, False):
+            option = f"--{name.replace('_', '-')}"
+            raise ProblemError(f"{option}: found no FILE, expected the files that it is about")
+
+
+def _matching(given: str) -> list[str]:
+    """List files of a pattern, which the name of a file is not."""
+    return [given] if os.path.lexists(given) else sorted(glob(given)) or [given]
+
+
 def _tasks(arguments: argparse.Namespace) -> list[tuple[str, Problem, Options, dict[str, Any]]]:
     """Read the files and list their tasks, as ``Study.add_all`` takes them."""
+    if not arguments.files:
+        _refuse_options(arguments)
     tasks: list[tuple[str, Problem, Options, dict[str, Any]]] = []
-    found = (sorted(glob(each)) or [each] for each in arguments.files)  # not all shells do it
-    for path in chain.from_iterable(found):
+    for path in chain.from_iterable(map(_matching, arguments.files)):
         problem = read(path)
         if not isinstance(problem, Problem):
             raise ProblemError(f"{path}: found ratios, expected polynomials in a study")

@@ -54,11 +54,10 @@ def _run(arguments: argparse.Namespace) -> int:
     """Return 0 if every task has a result, else 1."""
     if arguments.workers is not None and arguments.workers < 1:
         raise ProblemError(f"--workers: found {arguments.workers}, expected an integer >= 1")
-    new = arguments.prepare is not None and arguments.files
-    if not new:
+    tasks = arguments.prepare(arguments) if arguments.prepare is not None else []
+    if not tasks:
         _expect(arguments.study, arguments.study_type)
-    tasks = arguments.prepare(arguments) if new else []  # wrong input leaves no study behind
-    study = arguments.study_type(arguments.study)
+    study = arguments.study_type(arguments.study)  # wrong input has left no study behind
     if tasks:
         study.add_all(tasks)
     status = study.run(arguments.workers, retry=arguments.retry)
@@ -82,8 +81,9 @@ def _status(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     store = Store(arguments.study)
-    table_of(store, arguments.timings).write(arguments.out)
     if arguments.results:
         _expect(arguments.study, arguments.study_type)
+    table_of(store, arguments.timings).write(arguments.out)
+    if arguments.results:
         arguments.study_type(arguments.study).export_results(arguments.results)
     return 0

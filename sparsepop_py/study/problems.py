@@ -61,6 +61,7 @@ def _rows(result: Result) -> list[dict[str, Any]]:
             "lower_bound": float(result.lower_bound),
             "upper_bound": float(result.upper_bound),
             "gap": gap if isfinite(gap) else None,
+            "message": "; ".join(result.notes) or None,
         }
     ]
 

@@ -165,6 +165,12 @@ class Store:
     def _open(self, mode: str) -> sqlite3.Connection:
         return _connect(self.path, mode)
 
+    @property
+    def _lock(self) -> Path:
+        """Name the file that the writer locks, the same one by all links."""
+        path = Path(os.path.realpath(self.path))
+        return path.with_name(path.name + ".lock")
+
     # ---- the one writer ---------------------------------------------------------------------
 
     @contextmanager
@@ -176,7 +182,7 @@ class Store:
         OutputError
             If another process, or another object of this one, is.
         """
-        lock = self.path.with_name(self.path.name + ".lock")
+        lock = self._lock
         with _translated(lock):
             held = sqlite3.connect(lock, timeout=0.2, isolation_level=None)
         with closing(held):
@@ -198,7 +204,7 @@ class Store:
     @property
     def written(self) -> bool:
         """True while somebody is writing."""
-        lock = self.path.with_name(self.path.name + ".lock")
+        lock = self._lock
         if not lock.exists():
             return False
         with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as db:

@@ -325,6 +325,8 @@ class BaseStudy:
         given = load(self._store.given(name), f"{self.path}: task {name!r}", self._trusted)
         if not self.work.belongs(found, given):
             raise FormatError(f"{place}: found that of another task")
+        if not _same(json.loads(outcome.rows), self.work.rows(found)):
+            raise FormatError(f"{place}: found other numbers than in its rows of the table")
         return found
 
     def export(self, path: str | Path) -> None:
@@ -361,11 +363,11 @@ class BaseStudy:
         Raises
         ------
         ProblemError
-            If proofs do not hold.
+            If proofs do not hold, or a result has no such file; those of the others are written.
         OutputError
             If a file cannot be written.
         """
-        target, written = as_path(folder), []
+        target, written, without = as_path(folder), [], []
         try:
             target.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -373,14 +375,35 @@ class BaseStudy:
         rows = self._store.rows()
         names = {row[0] for row in rows}
         for number, (name, _, state, _, _) in enumerate(rows, 1):
-            if state == "done":
-                plain = re.sub(r"[^\w.-]", "_", name)
-                file = name if plain == name else f"{plain}-{number}"
-                while file != name and file in names:
-                    file += "_"
-                written.append(target / f"{file}.json")
-                write_text(written[-1], self.work.certificate(self.result(name)))
+            if state != "done":
+                continue
+            try:
+                text = self.work.certificate(self.result(name))
+            except ValueError as error:  # ours and those of setid; the others have files
+                without.append(f"{name!r}: {error}")
+                continue
+            written.append(target / f"{_file_name(name, number, names)}.json")
+            write_text(written[-1], text)
+        if without:
+            raise ProblemError(
+                f"results: wrote {len(written)} files, none of {len(without)} more: {without[0]}"
+            )
         return written
+
+
+def _file_name(name: str, number: int, names: set[str]) -> str:
+    """Make a file name of that of a task, which no other task has."""
+    plain = re.sub(r"[^\w.-]", "_", name)
+    file = name if plain == name else f"{plain}-{number}"
+    while file != name and file in names:
+        file += "_"
+    return file
+
+
+def _same(stored: list[dict[str, Any]], rows: list[dict[str, Any]]) -> bool:
+    """Compare stored rows with those of a result, in the columns that were stored."""
+    kept = [{c: row.get(c) for c in old} for old, row in zip(stored, rows, strict=False)]
+    return len(stored) == len(rows) and json.dumps(stored) == json.dumps(kept)
 
 
 # ---- one task -----------------------------------------------------------------------------------

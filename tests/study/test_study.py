@@ -265,6 +265,15 @@ def test_a_second_writer_is_refused(tmp_path: Path) -> None:
 # ---- what is stored ------------------------------------------------------------------------------
 
 
+def test_a_writer_by_another_link_is_refused(tmp_path: Path) -> None:
+    study = squares(tmp_path / "squares.study", (1,))
+    (tmp_path / "link.study").symlink_to(study.path)
+    with study._store.writing():
+        assert sp.Study(tmp_path / "link.study").status().running
+        with pytest.raises(OutputError, match="found another writer"):
+            sp.Study(tmp_path / "link.study").run()
+
+
 def test_names_stand_for_one_task(tmp_path: Path) -> None:
     study = squares(tmp_path / "squares.study", (1,))
     study.add("centre 1", square(1), tags={"centre": 1})  # the same again
@@ -504,6 +513,38 @@ def test_wrong_files_leave_no_study_behind(
     assert sorted(Path().iterdir()) == before
 
 
+def test_names_of_files_are_no_patterns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``a[1].txt`` is a file, whose pattern is that of the other one alone: -1/4 and -4."""
+    monkeypatch.chdir(tmp_path)
+    Path("a[1].txt").write_text("min x1^2 - x1; s.t. x1 >= 0")
+    Path("a1.txt").write_text("min x1^2 - 4*x1; s.t. x1 >= 0")
+    assert main(["study", "run", "a.study", "a[1].txt", "a?.txt"]) == 0
+    values = {row["file"]: round(row["lower_bound"], 4) for row in sp.Study("a.study").table()}
+    assert values == {"a[1].txt": -0.25, "a1.txt": -4.0}
+
+
+@pytest.mark.parametrize("option", [["--orders", "2"], ["--auto"], ["--time-limit", "9"]])
+def test_options_of_files_are_refused_without_files(
+    option: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Tasks keep the options that they were added with."""
+    path = squares(tmp_path / "squares.study", (1,)).path
+    assert main(["study", "run", str(path), *option]) == 2
+    assert f"{option[0]}: found no FILE" in capsys.readouterr().err
+    assert sp.Study(path).status().waiting == 1
+
+
+def test_tables_say_that_an_order_was_raised(tmp_path: Path) -> None:
+    """A polynomial of degree 4 needs order 2."""
+    (x,) = sp.variables(1)
+    study = sp.Study(tmp_path / "quartic.study")
+    study.add("quartic", sp.Problem(x**4 - x, lower=-1, upper=1), sp.Options(order=1))
+    study.run()
+    assert study.table()[0]["message"].startswith("order 1 raised to 2")
+
+
 # ---- setid ---------------------------------------------------------------------------------------
 
 
@@ -605,7 +646,7 @@ def test_other_models_are_refused_before_they_are_stored(
     assert len(study.table()) == 0
 
 
-@pytest.mark.parametrize("kind", ["problems", "records"])
+@pytest.mark.parametrize("kind", ["problems", "records", "priors"])
 def test_results_of_other_tasks_are_refused(tmp_path: Path, kind: str) -> None:
     """Both results hold by themselves, but each about its own task."""
     path = tmp_path / "two.study"
@@ -619,8 +660,9 @@ def test_results_of_other_tasks_are_refused(tmp_path: Path, kind: str) -> None:
         data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
         study = setid.Study(path)
         for bound in (1.0, 2.0):
-            noise = setid.Noise(equation=bound)
-            study.add(f"task {bound}", data, setid.TransferFunction(1, 1), noise)
+            noise = setid.Noise(equation=1.0 if kind == "priors" else bound)
+            prior = setid.Box({"b0": (1.0, 1.0 + bound)}) if kind == "priors" else ()
+            study.add(f"task {bound}", data, setid.TransferFunction(1, 1), noise, prior)
     study.run()
     with closing(sqlite3.connect(path)) as db, db:
         (other,) = db.execute("SELECT content FROM outcomes WHERE task = 2").fetchone()
@@ -628,3 +670,46 @@ def test_results_of_other_tasks_are_refused(tmp_path: Path, kind: str) -> None:
     assert study.result("task 2.0").status in ("OPTIMAL", "certified")
     with pytest.raises(sp.FormatError, match="result of 'task 1.0': found that of another task"):
         study.result("task 1.0")
+
+
+def test_rows_of_other_tasks_are_refused_with_the_result(tmp_path: Path) -> None:
+    """Their checksums hold, but the bounds of x in [1, 3] are not those of x in [2, 3]."""
+    (x,) = sp.variables(1)
+    study = sp.Study(tmp_path / "two.study")
+    for low in (1.0, 2.0):
+        study.add(f"task {low}", sp.Problem(x, lower=low, upper=3.0))
+    study.run()
+    assert 1.0 - 1e-6 <= study.result("task 1.0").lower_bound <= 1.0
+    with closing(sqlite3.connect(study.path)) as db, db:
+        (other,) = db.execute("SELECT rows FROM outcomes WHERE task = 2").fetchone()
+        db.execute("UPDATE outcomes SET rows = ? WHERE task = 1", (other,))
+    with pytest.raises(FormatError, match="other numbers than in its rows of the table"):
+        study.result("task 1.0")
+
+
+@pytest.mark.parametrize("delta", [0.0, 0.25, pytest.param("estimate", marks=pytest.mark.slow)])
+def test_results_of_structures_in_continuous_time_come_back(tmp_path: Path, delta: Any) -> None:
+    """Identifying settles their sampling interval and their discretisation error."""
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875], Ts=0.5)
+    model = setid.ContinuousTransferFunction(1, 0, delta=delta)
+    box = setid.Box({"a0": (0.0, 50.0), "b0": (0.0, 50.0)})
+    study = setid.Study(tmp_path / "continuous.study")
+    study.add("task", data, model, setid.Noise(output=2.0), [box])
+    study.run()
+    known = study.result("task").formulation
+    assert known.model.Ts == 0.5
+    assert delta == "estimate" or known.noise.model_error == delta
+
+
+def test_results_without_a_file_for_the_checker_keep_none_of_the_others(tmp_path: Path) -> None:
+    """b0 gamma1 is all that y = gamma1 b0 u says, so both are reported as not unique."""
+    u = [-1.0, 0.5, 1.0]
+    data, noise = setid.IOData(u, u), setid.Noise(0.01)
+    report = setid.Options(unidentifiable="report")
+    study = setid.Study(tmp_path / "reported.study")
+    study.add("bare", data, setid.Hammerstein(setid.TransferFunction(0, 1), 1), noise, (), report)
+    study.add("gain", data, setid.TransferFunction(0, 1), noise)
+    study.run()
+    with pytest.raises(ProblemError, match="wrote 1 files, none of 1 more: 'bare'"):
+        study.export_results(tmp_path / "results")
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["gain.json"]
