@@ -165,8 +165,8 @@ class Study(BaseStudy):
         noise : Noise
         priors : iterable of priors and ``sp`` constraints
         options : Options, optional
-            As of :func:`setid.identify`. Without a limit no decision rests on a clock, so that
-            results repeat.
+            As of :func:`setid.identify`. Without a limit no decision of the engine rests on a
+            clock, so that results repeat, but for stages with seconds of their own.
         tags : mapping of str to str or number, optional
             Further columns of its rows, such as the noise level.
 
