@@ -143,7 +143,12 @@ def doubles(given: ArrayLike, field: str) -> NDArray[np.float64]:
         If they are no numbers, or larger than all doubles.
     """
     try:
-        return np.asarray(given, float)
+        array = np.asarray(given)
+        if array.dtype.kind in "cUSmM" or (  # whose imaginary parts, texts or dates numpy converts
+            array.dtype.kind == "O" and any(isinstance(item, (str, bytes)) for item in array.flat)
+        ):
+            raise TypeError
+        return np.asarray(array, float)
     except (TypeError, ValueError):
         raise ProblemError(f"{field}: found {shown(given)}, expected numbers") from None
     except OverflowError:

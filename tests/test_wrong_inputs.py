@@ -20,6 +20,11 @@ def struct(lower=LOW, param=None):
 
 WRONG = [
     ("names", lambda: sp.Problem(F, names=3)),
+    ("lower", lambda: sp.Problem(F, lower=np.array(["1971"], "M8[Y]"))),
+    ("lower", lambda: sp.Problem(F, lower=np.array(["0", "1"]))),
+    ("lower", lambda: sp.Problem(F, lower=np.array(["0", "1"], object))),
+    ("upper", lambda: sp.Problem(F, upper=[1 + 2j, 3])),
+    ("coefficients", lambda: sp.Polynomial.from_terms([[1, 0]], np.array([1 + 2j]))),
     ("squares", lambda: sp.Problem(F, squares=3)),
     ("squares", lambda: sp.Problem(F, squares=[("a", X)])),
     ("squares", lambda: sp.Problem(F, squares=[(None, X)])),

@@ -111,7 +111,9 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
     """
     try:
         array = without_mask(given)
-        if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
+        if np.iscomplexobj(array) or array.dtype.kind in "USmM":  # text, durations, dates
+            raise TypeError
+        if array.dtype.kind == "O" and any(isinstance(x, (str, bytes)) for x in array.flat):
             raise TypeError
         values = np.array(array, float)
     except (TypeError, ValueError, OverflowError):

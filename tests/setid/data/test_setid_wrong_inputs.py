@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import setid
@@ -29,6 +30,14 @@ def result() -> setid.Identification:
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "one record": (lambda: setid.IOData.concat(DATA), "records: found IOData"),
     "text": (lambda: setid.IOData(["1", "2"], ["3", "4"]), "u: found list"),
+    "text among objects": (
+        lambda: setid.IOData(np.array(["1", "2"], object), [3, 4]),
+        "u: found ndarray",
+    ),
+    "dates": (
+        lambda: setid.IOData([3, 4], np.array(["2026-03-01", "2026-03-02"], "M8[D]")),
+        "y: found ndarray",
+    ),
     "a word": (lambda: setid.TransferFunction(1, 1, offset="no"), "offset: found 'no'"),
     "a number": (
         lambda: setid.TransferFunction(1, 1, common_denominator=3),
