@@ -13,7 +13,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
-from setid.data.checks import frozen, number
+from setid.data.checks import frozen, number, real_array
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.formulation.regression import Regression, regression_of_data
@@ -153,8 +153,8 @@ def recursive_least_squares(
         raise SetidError(f"forgetting: found {forgetting!r}, expected a number in (0, 1]")
     rows = regression_of_data(data, model)
     p = len(rows.names)
-    theta = np.zeros(p) if initial is None else np.array(initial, float)
-    spread = np.array(covariance, float)
+    theta = np.zeros(p) if initial is None else real_array(initial, "initial", SetidError)
+    spread = real_array(covariance, "covariance", SetidError)
     spread = spread * np.eye(p) if spread.ndim == 0 else spread
     if theta.shape != (p,) or spread.shape != (p, p):
         raise SetidError(

@@ -9,7 +9,7 @@ well, and a result says where its bound does not cover it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from math import inf
 
@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, number
+from setid.data.checks import channels_of, frozen, number, parameters_of
 from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
-from setid.errors import ModelError
+from setid.errors import DataError, ModelError
 from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation, formulate
@@ -44,7 +44,7 @@ _SECONDS = 30.0  # for an estimate
 
 
 def discretisation_error(
-    model: ContinuousTransferFunction, theta: ArrayLike, u: ArrayLike
+    model: ContinuousTransferFunction, theta: ArrayLike | Mapping[str, float], u: ArrayLike
 ) -> NDArray[np.float64]:
     """Compute the distance of the recursion from the exact sampled response, from rest.
 
@@ -52,9 +52,14 @@ def discretisation_error(
     ----------
     model : ContinuousTransferFunction
         With Ts.
-    theta : (p,) array_like
+    theta : (p,) array_like or mapping of names to numbers
     u : (N,) array_like
         Samples of an input that is as ``hold`` says between them.
+
+    Raises
+    ------
+    SetidError
+        If the structure has no recursion in physical coefficients, or numbers do not fit it.
 
     Returns
     -------
@@ -76,8 +81,13 @@ def discretisation_error(
         raise ModelError(
             f"model: found {type(model).__name__}, expected a ContinuousTransferFunction"
         )
-    inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
-    values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
+    if model.method == "indirect":
+        raise ModelError("model: found method='indirect', expected one of physical coefficients")
+    columns = channels_of(u, "u")
+    if columns.shape[1] != 1:
+        raise DataError(f"u: found {columns.shape[1]} columns, expected one input")
+    inputs, count = columns[:, 0], model.n + model.m + 1
+    values = parameters_of(theta, model.parameters)[:count]  # constants pass all recursions
     recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]
     kind = "zoh" if model.hold == "constant" else "foh"
     system = np.append(1.0, values[: model.n]), values[model.n :]

@@ -27,7 +27,7 @@ one factor g0 + g1 z of each numerator term is then Ts z.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from math import expm1, log2
 from typing import Any, Literal, get_args
@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import MOST_TERMS, natural, number, switch, word
+from setid.data.checks import MOST_TERMS, natural, number, parameters_of, switch, word
 from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
@@ -290,16 +290,19 @@ class ContinuousTransferFunction(InNotebook):
             found = lags.polymul(found, factor)
         return np.pad(found, (0, self.n + 1 - found.size))
 
-    def discrete(self, theta: ArrayLike) -> tuple[Reals, Reals]:
+    def discrete(self, theta: ArrayLike | Mapping[str, float]) -> tuple[Reals, Reals]:
         """Compute numerator and denominator of the recursion in powers of q^-1, (n + 1,) each.
 
         Parameters
         ----------
-        theta : (p,) array_like
+        theta : (p,) array_like or mapping of names to numbers
         """
-        values = np.asarray(theta, float)
-        if values.shape != (len(self.parameters),):
-            raise ModelError(f"theta: found shape {values.shape}, expected {self.parameters}")
+        values = parameters_of(theta, self.parameters)
+        if self.method == "indirect":  # they are its parameters
+            first = self.counterpart.nk[0][0]
+            top, rest = np.zeros(self.n + 1), values[self.n :]
+            top[first:] = rest[: self.n + 1 - first]
+            return top, np.append(1.0, values[: self.n])
         bottom, top = self.operator(self.n), np.zeros(self.n + 1)
         for power, a in zip(range(self.n - 1, -1, -1), values[: self.n], strict=True):
             bottom = bottom + a * self.operator(power)

@@ -170,6 +170,8 @@ def test_wrong_inputs() -> None:
     gain = setid.TransferFunction(0, 1)
     with pytest.raises(setid.SetidError, match=r"initial, covariance: found shapes \(2,\)"):
         setid.recursive_least_squares(short, gain, initial=[1, 2])
+    with pytest.raises(setid.SetidError, match="initial: found list"):
+        setid.recursive_least_squares(short, gain, initial=[1j])
     with pytest.raises(setid.SetidError, match="covariance: expected a symmetric positive"):
         setid.recursive_least_squares(short, gain, covariance=-1.0)
     with pytest.raises(setid.SetidError, match="name: found 'b9', expected one of b0"):

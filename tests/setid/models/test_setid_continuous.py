@@ -194,7 +194,6 @@ C = setid.ContinuousTransferFunction
         (lambda: C(2, 1, Ts=0), "Ts: found 0, expected a finite number > 0"),
         (lambda: setid.simulate(C(2, 1), THETA, [1.0, 2.0]), "Ts: found None, expected the sampl"),
         (lambda: at_rate(C(2, 1, Ts=0.1), 0.2), "Ts: found 0.1 in the model, expected 0.2"),
-        (lambda: C(1, 0, Ts=2.0).discrete([1.0]), "theta: found shape"),
         (lambda: setid.simulate(C(1, 0, Ts=2.0), [-1.0, 1.0], [1.0]), "found a factor of zero"),
         (
             lambda: setid.formulate(
@@ -269,3 +268,43 @@ def test_the_row_of_an_offset_holds_at_rest(n: int, method: str) -> None:
     np.testing.assert_allclose([found["a0"], found["c"]], [T**n, -(T**n)], rtol=1e-12)
     others = [value for name, value in found.items() if name not in ("a0", "c")]
     np.testing.assert_allclose(others, 0.0, atol=1e-14)
+
+
+def test_the_indirect_recursion_is_that_of_its_discrete_coefficients() -> None:
+    """y(k) - 0.5 y(k-1) = u(k) + 2 u(k-1), and with a held input 3 u(k-1) alone."""
+    indirect = setid.ContinuousTransferFunction(1, 1, method="indirect", Ts=0.1)
+    top, bottom = indirect.discrete({"a1": -0.5, "b0": 1.0, "b1": 2.0})
+    assert top.tolist() == [1.0, 2.0]
+    assert bottom.tolist() == [1.0, -0.5]
+    held = setid.ContinuousTransferFunction(1, 0, method="indirect", hold="constant", Ts=0.1)
+    top, bottom = held.discrete([-0.5, 3.0])
+    assert top.tolist() == [0.0, 3.0]
+    assert bottom.tolist() == [1.0, -0.5]
+
+
+@pytest.mark.parametrize(
+    ("theta", "u", "message"),
+    [
+        ([1.0, 1.0, 7.0], [1.0, 2.0], r"theta: found shape \(3,\), expected 2 numbers"),
+        ([1.0, 1j], [1.0, 2.0], "theta: found list"),
+        ({"a0": 1.0}, [1.0, 2.0], "theta: found names"),
+        ([1.0, 1.0], [[1.0, 2.0], [3.0, 4.0]], "u: found 2 columns, expected one input"),
+        ([1.0, 1.0], ["1", "2"], "u: found list"),
+    ],
+)
+def test_numbers_that_do_not_fit_have_no_discretisation_error(
+    theta: object, u: object, message: str
+) -> None:
+    with pytest.raises(setid.SetidError, match=message):
+        setid.discretisation_error(setid.ContinuousTransferFunction(1, 0, Ts=0.1), theta, u)
+
+
+def test_coefficients_of_recursions_are_counted() -> None:
+    with pytest.raises(setid.SetidError, match="theta: found shape"):
+        setid.ContinuousTransferFunction(1, 0, Ts=2.0).discrete([1.0])
+
+
+def test_discrete_coefficients_have_no_discretisation_error() -> None:
+    model = setid.ContinuousTransferFunction(1, 1, method="indirect", Ts=0.1)
+    with pytest.raises(setid.ModelError, match="expected one of physical coefficients"):
+        setid.discretisation_error(model, [-0.5, 1.0, 2.0], [1.0, 2.0])
