@@ -484,7 +484,7 @@ def _text(path: str, result: AnyResult) -> str:
         f"{path}: {sizes}, {'maximise' if maximise else 'minimise'}",
         f"status        {result.status}: {result.message}",
     ]
-    if result.status is not Status.INFEASIBLE:
+    if result.status not in (Status.INFEASIBLE, Status.UNBOUNDED):
         lines += [
             f"lower bound   {rounded(low, False, scientific=True)}  {_how(low, words[0])}",
             f"upper bound   {rounded(high, True, scientific=True)}  {_how(high, words[1])}",

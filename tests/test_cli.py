@@ -176,6 +176,16 @@ def strictly(text: str) -> dict[str, object]:
     return json.loads(text, parse_constant=refuse)
 
 
+def test_no_bound_is_shown_where_the_objective_falls_without_limit(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The status says what is proved; a bound of -inf with nothing attained would deny it."""
+    run(folder, "solve", "unbounded")
+    text = capsys.readouterr().out
+    assert "status        UNBOUNDED: It is proved" in text and "point         x1 = " in text
+    assert "bound  " not in text and "nothing attained" not in text
+
+
 def test_json(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(folder, "solve", "closed", "--json", "--order", "2")
     record = strictly(capsys.readouterr().out)

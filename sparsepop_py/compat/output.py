@@ -59,8 +59,8 @@ class POPOutput:
     certificate : Certificate or None
         Of ``SDPobjValue``; ``certificate.verify(POP.result.problem)`` re-checks it.
     solverValue : float or None
-        The optimal value of the SDP as the solver returned it: NOT a bound. None when no
-        SDP was solved.
+        The optimal value of the SDP as the solver returned it: NOT a bound. As in the original
+        infinite where it reports pinf or dinf. None when no SDP was solved.
     result : Result
         Everything else; always about the minimisation, and with ``eqTolerance`` about the
         problem with the larger set.

@@ -405,7 +405,7 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
 
 def stated_fields(param: Any) -> list[str]:
     """List the fields of a ``param`` struct that hold a value."""
-    return [name for name, value in _items(param).items() if _plain(value) not in (None, "")]
+    return [name for name, value in _items(param).items() if _plain(value) is not None]
 
 
 # ---- containers -------------------------------------------------------------------------
@@ -450,7 +450,7 @@ def _items(param: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a MATLAB value: scalars for 1 x 1, lists for vectors, None for []."""
+    """Convert a MATLAB value: scalars, lists for vectors, None for [] and ''."""
     if sps.issparse(value):
         value = value.toarray()
     while isinstance(value, np.ndarray) and value.size == 1:
@@ -460,7 +460,7 @@ def _plain(value: Any) -> Any:
         value = [_plain(v) for v in value.ravel()] if cells else value.ravel().tolist()
     if isinstance(value, np.generic):
         value = value.item()
-    return None if isinstance(value, (list, tuple)) and len(value) == 0 else value
+    return None if isinstance(value, (list, tuple, str)) and len(value) == 0 else value
 
 
 def _check_nesting(name: str, value: Any, depth: int = 0) -> None:

@@ -149,12 +149,14 @@ def _message(POP: POPOutput) -> str:
 
 def _kind(output: SparsePOPOutput) -> str:
     """Describe the kind of ``POP.xVect``."""
-    result = output.POP.result
-    if result.options.switches is not None and result.relaxation is not None:
-        return "first moments of the SDP, not proved"
-    if result.attained is None:
+    result, x = output.POP.result, output.POP.xVect
+    if result.attained is not None and np.array_equal(x, result.attained.x):
+        return "attained, with equations relaxed" if output.param.eqTolerance else "attained"
+    if result.x is not None and np.array_equal(x, result.x):
         return "nearly feasible point, not proved"
-    return "attained, with equations relaxed" if output.param.eqTolerance else "attained"
+    if result.moments is not None:
+        return "first moments of the SDP, not proved"
+    return "point of the bounds nearest to 0, not proved"
 
 
 def _vector(name: str, x: Any) -> Iterator[str]:

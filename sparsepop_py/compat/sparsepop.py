@@ -13,6 +13,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
-from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
 from sparsepop_py.budget import Deadline, cpu_seconds
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
@@ -182,7 +183,9 @@ def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:
         if constraint.kind is Kind.ZERO:
             h = constraint.polynomial
             rows.append(Constraint(h, Kind.NONNEGATIVE, constraint.name))
-            rows.append(Constraint(tolerance * size - h, Kind.NONNEGATIVE, constraint.name))
+            rows.append(
+                Constraint(_at_most(h, tolerance * size), Kind.NONNEGATIVE, constraint.name)
+            )
         else:
             rows.append(constraint)
     return Problem(
@@ -194,6 +197,12 @@ def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:
         problem.squares or None,
         problem.sense,
     )
+
+
+def _at_most(h: Polynomial, tolerance: float) -> Polynomial:
+    """Build the row tolerance - h; its constant is rounded, and h = 0 stays in."""
+    constant = Fraction(tolerance) - Fraction(h.constant_term)
+    return total([-(h - h.constant_term), float(constant)])
 
 
 def sparsePOP(
@@ -348,11 +357,18 @@ def _point(
         upperBound=max(ends),
         status=status,
         certificate=result.certificate,
-        solverValue=None if np.isnan(result.solver_value) else sign * result.solver_value,
+        solverValue=_solver_value(result, sign),
         result=result,
         objValueScaled=x[1],
         violation=None if x[2] is None else 0.0 - x[2],
     )
+
+
+def _solver_value(result: Result, sign: float) -> float | None:
+    """Read the solver's value, infinite where it reports infeasibility."""
+    status = "" if result.solution is None else result.solution.status
+    value = {"unbounded": -np.inf, "infeasible": np.inf}.get(status, result.solver_value)
+    return None if np.isnan(value) else sign * value
 
 
 def _vector(problem: Problem, result: Result, built: BuiltSDP | None) -> NDArray[np.float64]:

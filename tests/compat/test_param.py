@@ -282,6 +282,13 @@ ILLEGAL: list[tuple[Any, str]] = [
 ]
 
 
+@pytest.mark.parametrize("name", ["printFileName", "SDPsolver", "SDPsolverOutFile", "relaxOrder"])
+def test_empty_text_is_no_value_as_from_matlab(name: str) -> None:
+    """A struct of a MAT file holds '' as an empty array, which has always been no value."""
+    for empty in ("", np.zeros(0, dtype="<U1"), []):
+        assert read_parameters({name: empty}) == read_parameters()
+
+
 @pytest.mark.parametrize(("param", "message"), ILLEGAL, ids=lambda value: str(value)[:40])
 def test_illegal(param: Any, message: str) -> None:
     with pytest.raises(ProblemError, match=message):

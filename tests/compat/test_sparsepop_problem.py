@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.compat.sparsepop import with_tolerance
 from sparsepop_py.errors import ProblemError
 
 QUIET = {"printLevel": 0}
@@ -99,6 +101,17 @@ def test_relaxed_equations_keep_the_bound_valid(tighten: int) -> None:
         assert output.POP.status is (sp.Status.BOUNDED if open_ else sp.Status.OPTIMAL)
 
 
+@pytest.mark.parametrize("value", [0.7, 1e10 / 3])
+def test_relaxing_an_equation_rounds_nothing_that_matters(value: float) -> None:
+    """The end of 0 <= x - value <= 1e-3 is no double, but the equation holds in the larger set."""
+    (x,) = sp.variables(1)
+    larger = with_tolerance(sp.Problem(-x, [x == value], -1e10, 1e10), 1e-3, scaled=False)
+    assert larger.rounding == ()
+    low, high = (Fraction(row.polynomial.constant_term) for row in larger.constraints)
+    assert -low == Fraction(value) <= high
+    assert abs(high - Fraction(value) - Fraction(1e-3)) <= Fraction(np.spacing(value)) / 2
+
+
 def test_an_empty_relaxed_set_is_empty() -> None:
     x, y = sp.variables(2)
     problem = sp.Problem(x, [x + y == 3], 0, 1)
@@ -186,6 +199,36 @@ def test_the_vector_is_filled_where_nothing_is_known() -> None:
     (x,) = sp.variables(1)
     POP = sp.sparsePOP(sp.Problem(x**3, upper=-2), {**QUIET, "localSearch": 0}).POP
     assert POP.xVect.shape == (1,) and POP.violation is not None
+
+
+def test_the_report_says_what_the_vector_is(capsys: pytest.CaptureFixture[str]) -> None:
+    """x^2 <= -2 has no point: 0, which misses it by 2, is not nearly feasible."""
+    x, y = sp.variables(2)
+    output = sp.sparsePOP(sp.Problem(x, [x**2 <= -2], -2, 2), {"localSearch": 0})
+    assert (output.POP.status, output.POP.violation) == ("INFEASIBLE", 2)
+    printed = capsys.readouterr().out
+    assert "nearly feasible" not in printed
+    assert "point of the bounds nearest to 0, not proved" in printed
+    # the plain relaxation is not bounded, and its point is the one that the search has proved
+    output = sp.sparsePOP(sp.Problem(x * y, [x**2 - y**2 <= 2]), {"tighten": 0})
+    assert output.SDPsolverInfo.pinf == 1
+    assert output.POP.xVect.tolist() == output.POP.result.attained.x.tolist()
+    printed = capsys.readouterr().out
+    assert "first moments" not in printed
+    assert "attained" in printed
+
+
+@pytest.mark.parametrize("sense", ["min", "max"])
+def test_a_program_without_a_point_has_the_value_that_the_original_gives(sense: str) -> None:
+    """Minus infinity with pinf, infinity with dinf: signs change for a maximum."""
+    x, y = sp.variables(2)
+    sign = -1.0 if sense == "max" else 1.0
+    open_ = sp.Problem(x**3 + y, sense=sense)
+    empty = sp.Problem(x, [-((x - y) ** 2) >= 1], sense=sense)
+    for problem, field, value in ((open_, "pinf", -np.inf), (empty, "dinf", np.inf)):
+        output = sp.sparsePOP(problem, {**QUIET, "tighten": 0})
+        assert getattr(output.SDPsolverInfo, field) == 1
+        assert output.POP.solverValue == sign * value
 
 
 # ---- the solver ------------------------------------------------------------------------------
