@@ -200,7 +200,7 @@ def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:
 
 
 def _at_most(h: Polynomial, tolerance: float) -> Polynomial:
-    """Build the row tolerance - h; its constant is rounded, and h = 0 stays in."""
+    """Build the row tolerance - h; however its constant is rounded, h = 0 stays."""
     constant = Fraction(tolerance) - Fraction(h.constant_term)
     return total([-(h - h.constant_term), float(constant)])
 

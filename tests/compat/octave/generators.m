@@ -16,6 +16,14 @@ p.coef = [0; 2; 0; -2];             % nothing is left: one term with coefficient
 q = simplifyPolynomial(p);
 assert(full([q.supports, q.coef]), [0 0 0 0])
 assert([q.degree q.noTerms], [0 1])
+for power = 0:3                     % one term, of one variable or none: (2 x2^power)^2
+    p.supports = [0 power 0]; p.coef = 2; p.noTerms = 1; p.degree = power;
+    q = multiplyPolynomials(p, p);
+    assert(full([q.supports, q.coef]), [0 2*power 0 4])
+    assert([q.degree q.noTerms], [2*power 1])
+    assert(nthargout(2, @monomialSort, p.supports, 1:3, 'grevlex'), 1)
+end
+p.supports = [0 0 2; 1 0 0; 0 1 1; 1 0 0];
 
 % orders of Cox, Little, O'Shea, Ideals, Varieties, and Algorithms (4th ed.), section 2.2:
 % x^2 yz^2 is above xy^3 z in 'grlex'; graded, both orders begin with the lower degree
