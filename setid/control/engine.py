@@ -25,7 +25,7 @@ from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.plots.axes import new_axes
 from setid.priors.base import Prior
-from setid.priors.coefficients import Box, parameters
+from setid.priors.coefficients import Box, Given, parameters
 from setid.priors.transfer import Stable
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
@@ -40,6 +40,7 @@ __all__ = [
     "DataError",
     "Formulation",
     "FrozenMapping",
+    "Given",
     "IOData",
     "Identification",
     "IntervalStatus",

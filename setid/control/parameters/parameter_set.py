@@ -13,6 +13,7 @@ import setid
 from setid.control.engine import (
     Box,
     Formulation,
+    Given,
     Identification,
     IOData,
     Noise,
@@ -300,7 +301,7 @@ def priors_of(
     if integrators:
         x = parameters(model)
         total = sum((x[f"a{i}"] for i in range(2, model.na[0][0] + 1)), x["a1"])
-        found.append(total + 1 == 0)
+        found.append(Given(total + 1 == 0))
     elif margin is not None and model.na[0][0]:
         found.append(Stable(margin=margin))
     return found

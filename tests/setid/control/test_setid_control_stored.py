@@ -127,6 +127,21 @@ def test_a_proof_that_rests_on_an_identification_brings_it_along() -> None:
     assert not replace(answer, identification=other).verify()
 
 
+def test_an_identification_with_a_declared_integrator_belongs_to_its_certificate() -> None:
+    """The equation of the pole at z = 1 was once compared with itself in another class."""
+    r = np.random.default_rng(0).uniform(-1, 1, 30)
+    y = np.cumsum(np.append(0.0, r[:-1]))  # of q^-1 / (1 - q^-1)
+    answer = control.stability_certificate(
+        setid.IOData(r, y), control.Transfer([0.4]), M, 1, 0.01, method="characteristic", delay=1,
+        integrators=1,
+    )  # fmt: skip
+    options = setid.Options(time_limit=0.5, progress=False)
+    result = identified(answer.data, answer.model, answer.noise, answer.parameters, 1, options)
+    resting = replace(answer, identification=result)
+    assert answer.verdict == "certified" and resting.verify().reason == ""
+    assert control.StabilityCertificate.from_json(resting.to_json()).identification
+
+
 @pytest.mark.parametrize(
     ("place", "value"),
     [
