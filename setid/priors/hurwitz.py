@@ -34,13 +34,13 @@ __all__ = ["half_plane_rows", "half_plane_unknowns", "half_plane_values", "schwa
 Box = tuple[float, float]
 
 
-def _shift(degree: int, margin: float) -> NDArray[np.float64]:
+def _shift(degree: int, margin: float) -> list[list[Fraction]]:
     """Matrix from the coefficients of D(s), leading one first, to those of D(s - margin)."""
-    found = np.zeros((degree + 1, degree + 1))
-    for i in range(degree + 1):
-        for j in range(i + 1):
-            found[i, j] = comb(degree - j, i - j) * (-margin) ** (i - j)
-    return found
+    zero, step = Fraction(0), -Fraction(margin)
+    return [
+        [comb(degree - j, i - j) * step ** (i - j) if j <= i else zero for j in range(degree + 1)]
+        for i in range(degree + 1)
+    ]
 
 
 def half_plane_unknowns(degree: int, monic: bool, label: str) -> dict[str, Box]:
@@ -88,9 +88,9 @@ def half_plane_rows(
         return []
     if margin:
         every = [rest[0] * 0.0 + 1.0 if lead is None else lead, *rest]
-        weights = _shift(n, margin)[1:].tolist()
-        if lead is None and n == 2:
-            weights[1][0] = rounded_up(Fraction(margin) ** 2)  # the only product that is rounded
+        weights = _shift(n, margin)[1:]
+        if lead is None and n == 2:  # the only one that is no double: no polynomial is lost
+            weights[1][0] = Fraction(rounded_up(weights[1][0]))
         rest = [sp.total(w * c for w, c in zip(row, every, strict=True) if w) for row in weights]
     rows = [c >= 0 for c in rest]
     if n == 3:
@@ -160,7 +160,11 @@ def half_plane_values(
     n = values.size
     if n <= 3:
         return {}
-    ratios = (_shift(n, margin) @ np.append(lead, values))[1:] / lead if lead else np.zeros(n)
+    ratios = (
+        (np.array(_shift(n, margin), float) @ np.append(lead, values))[1:] / lead
+        if lead
+        else np.zeros(n)
+    )
     k = schwarz_parameters(ratios)
     found = {_k(label, m): float(k[m - 1]) for m in range(2, n + 1)}
     older, old = np.array([1.0, k[0]]), np.array([1.0, k[0], k[1]])

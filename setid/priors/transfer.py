@@ -25,6 +25,8 @@ from setid.priors.stability import disc_rows, disc_unknowns, rounded_up, unknown
 
 __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
+_MOST = 1e300  # of (2 margin)^n, which no coefficient of a row with n poles exceeds
+
 
 @dataclass(frozen=True, slots=True)
 class Stable(Plain):
@@ -92,6 +94,11 @@ class Stable(Plain):
         self._check_form(model)
         found: dict[str, Interval] = {}
         for names in self.stable(model):
+            if _continuous(model) and (2 * Fraction(self.margin)) ** len(names) > _MOST:
+                raise PriorError(
+                    f"Stable.margin: found {self.margin!r}, expected one whose power "
+                    f"{len(names)}, the number of poles, is far below the largest double"
+                )
             for i, name in enumerate(names, 1):
                 if self.form == "jury" and i < len(names):
                     continue  # the array bounds the last coefficient alone

@@ -68,6 +68,18 @@ def test_the_edge_of_a_smaller_half_plane_is_not_rounded_away(margin: float) -> 
         assert value >= 0
 
 
+def test_every_coefficient_that_a_margin_has_rounded_is_said() -> None:
+    """With 31 digits 3 m^2, m^2, m^3, and 8 m^2 and 8 m^3 of Routh's product are no doubles."""
+    (said,) = (t for t in prepared(3, 0, [setid.Stable(1.0 + 2.0**-30)]).assumptions if ": 5 " in t)
+    assert "): 5 coefficients were rounded" in said
+
+
+@pytest.mark.parametrize(("n", "margin"), [(2, 1e155), (3, 1e103), (4, 1e200)])
+def test_margins_whose_powers_are_no_doubles_are_refused(n: int, margin: float) -> None:
+    with pytest.raises(setid.PriorError, match=r"Stable\.margin"):
+        prepared(n, 0, [setid.Stable(margin)])
+
+
 def test_the_boundary_is_admitted() -> None:
     """s (s^2 + 1), (s^2 + 1)^2 and s^4 are limits of Hurwitz polynomials."""
     assert admits(prepared(3, 0, [setid.Stable()]), np.array([0.0, 1.0, 0.0, 1.0]))
