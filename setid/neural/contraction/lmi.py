@@ -19,6 +19,7 @@ of recurrent neural networks", IEEE Transactions on Automatic Control 69 (2024).
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -205,7 +206,9 @@ def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
          scale <= 1e3 * n, slack <= 1],
     )  # fmt: skip
     try:
-        problem.solve(solver=cp.CLARABEL)
+        with warnings.catch_warnings():  # of inaccurate solutions: what it proposes is verified
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL)
     except (cp.error.SolverError, ValueError):
         return None
     if P.value is None or scale.value is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from math import inf
 
@@ -65,6 +66,19 @@ def test_the_inequality_finds_what_norms_miss() -> None:
     assert not found.conditions[0].holds and lmi.holds
     assert 0.4**0.5 - 1e-9 <= lmi.rate <= 0.4**0.5 + 0.02
     assert found.verify()
+
+
+def _warning(*_: object, **__: object) -> None:
+    warnings.warn("inaccurate", stacklevel=2)
+
+
+def test_what_a_solver_warns_of_is_not_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Inaccurate matrices once were a UserWarning, although only verified ones count."""
+    cvxpy = pytest.importorskip("cvxpy")
+    monkeypatch.setattr(cvxpy.Problem, "solve", _warning)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not neural.stability(scalar(0.5)).conditions[-1].holds
 
 
 @pytest.mark.parametrize("seed", range(5))
