@@ -211,6 +211,8 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
     noise = _residual_noise(rows, x)
     clean = rows.regressors - np.stack([slope @ noise for slope in rows.slopes], axis=1)
     values, vectors = np.linalg.eigh(metric @ clean)
+    if not values[-1] > 0.0:  # signals so small that their squares vanish say nothing of errors
+        return np.eye(x.size)
     unit = float(np.clip(rows.largest, *_UNITS))
     return np.asarray(vectors * unit / np.sqrt(np.maximum(values, 1e-12 * values[-1])), np.float64)
 
@@ -460,14 +462,17 @@ def rows_on_box(sums: Sums, box: Polytope) -> tuple[Reals, Reals]:
 
 def _weights(rows: NoisyRows, frame: Frame, best: bool, until: float) -> Reals:
     """Rows as they are, whitened rows, a left inverse, and the best ones for each end."""
-    factor = _whitening(rows, frame.origin)
-    count = factor.shape[1]
+    count = rows.target.size
     kept = np.unique(np.linspace(0, count - 1, min(count, _MOST_WHITE)).astype(int))
     plain = np.zeros((kept.size, count))
     plain[np.arange(kept.size), kept] = 1.0
-    metric = frame.axes.T @ _newton(rows, frame.origin)[2]
-    parts = [plain, _above(factor, plain.T).T, metric]
-    parts += [_best(rows, frame, until)] if best else []
+    parts = [plain]
+    try:
+        factor = _whitening(rows, frame.origin)
+        parts += [_above(factor, plain.T).T, frame.axes.T @ _newton(rows, frame.origin)[2]]
+        parts += [_best(rows, frame, until)] if best else []
+    except (np.linalg.LinAlgError, ValueError):  # numbers that overflow
+        pass
     found = np.concatenate(parts)
     size = np.abs(found).max(axis=1, keepdims=True)
     found = found / np.where(size > 0, size, 1.0)

@@ -335,3 +335,20 @@ def test_wrong_orders_and_tolerances_are_named() -> None:
         control.stability_certificate(data, K, M, "two", 0.1)
     with pytest.raises(setid.ModelError, match="snap: found 2"):
         control.stability_certificate(data, K, M, 2, 0.1, snap=2)
+
+
+@pytest.mark.parametrize(
+    ("scale", "noise", "order"),
+    [(1e-300, setid.Noise(0.0, equation=0.01), 1), (1e-150, setid.Noise(1e300), 0)],
+)
+def test_signals_far_below_their_noise_certify_nothing(
+    scale: float, noise: setid.Noise, order: int
+) -> None:
+    """Squares that vanish or overflow were once errors and warnings of numpy."""
+    u = scale * np.random.default_rng(0).uniform(-1, 1, 12)
+    K = control.Transfer([1], [1, -1, 1, -1])  # poles on the circle: P = 0 is consistent
+    answer = control.stability_certificate(
+        setid.IOData(u, 0 * u), K, ([0, 0.4], [1, -0.6]), order, noise, method="characteristic",
+        time_limit=0.3,
+    )  # fmt: skip
+    assert answer.verdict != "certified" and answer.verify()
