@@ -202,7 +202,7 @@ def test_time_that_ends_in_a_solver_keeps_what_is_proved(effort, number, monkeyp
 
 
 @pytest.mark.parametrize("effort", ["auto", "presolve"])
-@pytest.mark.parametrize("number", [1, 8, 40])
+@pytest.mark.parametrize("number", [1, pytest.param(8, marks=pytest.mark.slow), 40])
 def test_time_that_ends_at_any_look_at_the_clock(effort, number, monkeypatch):
     x = sp.variables(3)
     rows = [x[0] * x[2] + x[1] == 1, x[0] ** 2 + x[1] ** 2 <= 2]
@@ -397,8 +397,17 @@ def test_local_searches_keep_their_budget(monkeypatch):
 # ---- work limits ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("effort", ["auto", "presolve"])
-@pytest.mark.parametrize("name", ["bilinear", "laboratory", "free"])
+@pytest.mark.parametrize(
+    ("name", "effort"),
+    [
+        ("bilinear", "presolve"),
+        ("laboratory", "auto"),
+        ("free", "auto"),
+        ("free", "presolve"),
+        pytest.param("bilinear", "auto", marks=pytest.mark.slow),
+        pytest.param("laboratory", "presolve", marks=pytest.mark.slow),
+    ],
+)
 def test_more_work_never_proves_or_attains_less(name, effort):
     x = sp.variables(4)
     free = sp.Problem(sp.total((x[i] ** 2 - x[i + 1]) ** 2 + x[i] ** 4 - x[i] for i in range(3)))
@@ -590,7 +599,7 @@ def test_a_solver_that_cannot_be_stopped_is_not_begun_without_time(monkeypatch):
     assert result.lower_bound >= -32.0  # 16 products of |x| <= 1 and 4 * 4 squares
 
 
-@pytest.mark.parametrize("size", [1e100, 1e155, 1e200])
+@pytest.mark.parametrize("size", [pytest.param(1e100, marks=pytest.mark.slow), 1e155, 1e200])
 @pytest.mark.parametrize("effort", ["presolve", "auto"])
 def test_huge_boxes_give_no_warnings(size, effort):
     """Warnings are errors here: values beyond all doubles prove nothing, and that is all.

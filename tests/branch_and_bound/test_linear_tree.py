@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from search_cases import bilinear, least_on_a_grid
+from slow_values import slow_after, slow_unless
 from solved import check
 
 import sparsepop_py as sp
@@ -104,7 +105,7 @@ def test_an_infeasible_problem():
     assert result.status is Status.INFEASIBLE
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", slow_after(5, range(12)))
 def test_random_problems_against_samples(seed):
     rng = np.random.default_rng(seed)
     x = sp.variables(3)
@@ -234,7 +235,9 @@ def least_of_all_patterns(data):
     return best
 
 
-@pytest.mark.parametrize(("seed", "equal"), [(0, True), (1, True), (2, False)])
+@pytest.mark.parametrize(
+    ("seed", "equal"), slow_unless(lambda seed, _: seed != 1, [(0, True), (1, True), (2, False)])
+)
 def test_a_variable_and_a_row_with_product_zero(seed, equal):
     problem, data = rectified(seed, 8, equal)
     result = check(problem, sp.solve(problem, AUTO), least_of_all_patterns(data), 2e-6)

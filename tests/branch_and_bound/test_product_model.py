@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from random_cases import on_grid
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
@@ -102,9 +103,9 @@ def test_propagation_in_doubles_loses_no_feasible_point(seed):
     assert not empty and 0 <= count <= 10
     samples = rng.uniform(-1.5, 1.5, (20000, 3))
     samples = np.concatenate([samples, point + 0.05 * rng.normal(size=(2000, 3)), [point]])
-    holds = np.array(
-        [problem.violation(s) == 0 and problem.objective(s) <= cutoff for s in samples]
-    )
+    holds = np.all([on_grid(row.polynomial, samples) >= 0 for row in problem.constraints], axis=0)
+    holds &= np.all(np.abs(samples) <= 1.5, axis=1)
+    holds &= on_grid(problem.objective, samples) <= cutoff
     assert holds[-1]
     inside = np.all((samples[holds] >= low - 1e-9) & (samples[holds] <= high + 1e-9), axis=1)
     assert inside.all()

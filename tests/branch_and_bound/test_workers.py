@@ -46,8 +46,15 @@ class Refusing(Executor):
         return job
 
 
-@pytest.mark.parametrize("accepted", [0, 5])
-@pytest.mark.parametrize("error", [RuntimeError, TimeoutError])
+@pytest.mark.parametrize(
+    ("error", "accepted"),
+    [
+        (RuntimeError, 0),
+        (TimeoutError, 5),
+        pytest.param(RuntimeError, 5, marks=pytest.mark.slow),
+        pytest.param(TimeoutError, 0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_refusing_executor_is_replaced_by_this_process(accepted, error, only_branch):
     problem, executor = bilinear(), Refusing(accepted, error)
     result = check(problem, sp.solve(problem, Options(effort="auto", gap=5e-2, executor=executor)))

@@ -51,9 +51,9 @@ def test_a_limit_is_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "TREE", replace(adaptive.TREE, idle_nodes=FEW))
     x, y = sp.variables(2)
     line = sp.Problem(-x * y, [x + 3 * y == 1], lower=0, upper=1)
-    options = sp.Options(effort="auto", skip=LINEAR, refine="none", node_limit=300)
+    options = sp.Options(effort="auto", skip=LINEAR, refine="none", node_limit=150)
     result = sp.solve(line, options)
-    assert result.history[-1].nodes == 300
+    assert result.history[-1].nodes == 150
     assert "a larger node_limit" in result.message
 
 

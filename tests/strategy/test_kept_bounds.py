@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_values import slow_unless
 
 import sparsepop_py as sp
 from sparsepop_py import budget, pipeline
@@ -33,6 +34,12 @@ OPTIONS = {
 
 LONG = {("half-space", "auto"), ("half-space", "relaxations"), ("free", "relaxations")}
 CASES = [pair for pair in itertools.product(PROBLEMS, OPTIONS) if pair not in LONG]
+ROWS = {"half-space", "squares with a row"}
+
+
+def quick(name: str, effort: str, cause: type[BaseException]) -> bool:
+    """Whether a case takes well under a second, or is the only one of its kind."""
+    return (name, effort) != ("free", "auto") and (cause is LimitReached or name not in ROWS)
 
 
 class Ends:
@@ -73,8 +80,12 @@ def solved(
     return result, max(reported)
 
 
-@pytest.mark.parametrize("cause", [LimitReached, KeyboardInterrupt])
-@pytest.mark.parametrize(("name", "effort"), CASES)
+@pytest.mark.parametrize(
+    ("name", "effort", "cause"),
+    slow_unless(
+        quick, [(*case, cause) for case in CASES for cause in (LimitReached, KeyboardInterrupt)]
+    ),
+)
 def test_reported_bounds_are_returned(
     name: str, effort: str, cause: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:

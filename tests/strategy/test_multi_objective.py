@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from random_cases import on_grid, random_case
+from slow_values import slow_after
 from solved import INF, check, region
 
 import sparsepop_py as sp
@@ -48,7 +49,7 @@ def verified(problem, objectives, results):
     return results
 
 
-@pytest.mark.parametrize("gap_kind", ["relative", "absolute", "width"])
+@pytest.mark.parametrize("gap_kind", slow_after(2, ["width", "relative", "absolute"]))
 def test_the_disc(gap_kind):
     x = sp.variables(2)
     disc = Problem(x[0], [x[0] ** 2 + x[1] ** 2 <= 1])
@@ -125,7 +126,7 @@ def test_intervals_of_parameters_contain_all_that_explain_the_data(seed):
             assert result.gap <= 1e-3 * width * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", slow_after(5, range(12)))
 def test_random_sets_of_any_degree_against_their_grids(seed):
     case = random_case(seed)
     problem, x = case.problem, sp.variables(case.problem.dimension)

@@ -183,7 +183,7 @@ def test_bounds_are_valid_without_any_step(step, case, monkeypatch):
 @pytest.mark.parametrize("effort", ["auto", "presolve"])
 def test_an_unbounded_set_without_a_cutoff(effort):
     problem = sp.problems.laboratory()
-    options = Options(effort=effort, skip=["cutoff"], time_limit=2.0)
+    options = Options(effort=effort, skip=["cutoff"], time_limit=0.7)
     result = check(problem, sp.solve(problem, options))
     assert result.lower_bound <= LAB_OPTIMUM + 1e-9
 
