@@ -15,6 +15,7 @@ from exact_polynomials import value_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py.local_search.feasibility import prove_feasible
@@ -144,7 +145,7 @@ def rows(case):
     return [c for c in case.problem.constraints if c.polynomial.terms]
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", slow_after(2, range(4)))
 def test_a_feasible_problem_is_never_called_infeasible(block):
     """100 problems with a planted point: random doubles, equalities that hold exactly there."""
     for seed in range(25 * block, 25 * block + 25):

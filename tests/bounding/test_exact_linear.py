@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import sparsepop_py as sp
 
@@ -50,7 +51,7 @@ def random_case(seed: int) -> tuple[sp.Problem, list[sp.Polynomial], list]:
     return problem, [linear(c, x) for c in costs], others
 
 
-@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("block", slow_after(4, range(10)))
 def test_random_programs_agree_with_another_solver(block: int) -> None:
     for seed in range(30 * block, 30 * block + 30):
         problem, objectives, others = random_case(seed)

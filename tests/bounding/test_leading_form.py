@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py.bounding.leading_form import coordinates_of_leading_form
@@ -20,7 +21,7 @@ def goldstein_price():
     return first * (30 + (2 * x - 3 * y) ** 2 * inner)
 
 
-@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("effort", slow_after(1, ["auto", "presolve"]))
 def test_goldstein_and_price(effort):
     problem = sp.Problem(goldstein_price())
     result = sp.solve(problem, sp.Options(effort=effort, time_limit=60))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py import problems
@@ -62,7 +63,7 @@ def test_gram_matrices_inside_the_cone_need_no_box():
     assert result.certificate.verify(problem).ok
 
 
-@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("effort", slow_after(1, ["auto", "presolve"]))
 def test_a_wide_box_costs_an_expanded_chain_neither_its_bound_nor_its_point(effort):
     objective = problems.broyden_tridiagonal(60).objective
     problem = sp.Problem(objective, lower=-1000, upper=1000)
@@ -72,7 +73,7 @@ def test_a_wide_box_costs_an_expanded_chain_neither_its_bound_nor_its_point(effo
     assert result.certificate.verify(problem).ok
 
 
-@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("effort", slow_after(1, ["auto", "presolve"]))
 def test_one_bound_costs_an_expanded_chain_nothing(effort):
     objective = problems.broyden_tridiagonal(60).objective
     problem = sp.Problem(
@@ -199,8 +200,15 @@ def test_what_no_memory_holds_is_not_tried_for_a_box_either():
     assert not any("was built" in note for note in output.POP.result.notes)
 
 
-@pytest.mark.parametrize("effort", ["presolve", "auto"])
-@pytest.mark.parametrize("bound", [np.inf, 1000.0])
+@pytest.mark.parametrize(
+    ("bound", "effort"),
+    [
+        (np.inf, "presolve"),
+        (1000.0, "auto"),
+        pytest.param(np.inf, "auto", marks=pytest.mark.slow),
+        pytest.param(1000.0, "presolve", marks=pytest.mark.slow),
+    ],
+)
 def test_wide_cliques_need_only_the_monomials_whose_squares_occur(effort, bound):
     """Cliques of 7 at degree 6: blocks of 120 were too large for memory or time."""
     objective = problems.broyden_banded(12).objective

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from random_cases import random_case
+from slow_values import slow_after
 
 import sparsepop_py as sp
 
@@ -15,7 +16,7 @@ def bound(problem, **fields):
     return sp.solve(problem, sp.Options(order=2, **fields)).lower_bound
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", slow_after(3, range(6)))
 @pytest.mark.parametrize("effort", ["plain", "presolve"])
 def test_more_constraints_and_tighter_bounds_never_lower_the_bound(seed, effort):
     case = random_case([seed, 5])
@@ -82,7 +83,7 @@ def test_a_shift_of_the_objective_shifts_the_bound(seed):
     )
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", slow_after(2, [1, 3, 2, 4, 5]))
 def test_higher_orders_prove_more(seed):
     problem = random_case([seed, 10]).problem
     scale = 1e-6 * (1 + abs(bound(problem)))

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from moment_cases import generator_values, monomial_values, planted
 from random_cases import SEEDS, random_case
 from relaxed import value
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
@@ -249,7 +250,7 @@ def test_between_the_envelopes_and_a_grid(seed, shape):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", slow_after(1, range(3)))
 def test_equations_around_a_centre_against_their_solutions(seed, shape):
     # for each (a, b) of a grid every row leaves an interval of its own two variables
     problem, point = identification(seed)

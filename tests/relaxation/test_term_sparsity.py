@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from relaxed import LOSSLESS, METHODS, dense, solved, value
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
@@ -365,7 +366,7 @@ def test_an_even_problem_has_a_minimiser_among_its_candidates():
     assert np.abs(point) == pytest.approx(np.sqrt([0.5, 0.5]), abs=1e-3)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", slow_after(1, METHODS))
 def test_a_thousand_cliques_are_split_quickly(method):
     """Every clique (x_k, x_k+1) with x_k x_k+1 has classes {1, squares, product} and the rest."""
     x = sp.variables(1001)

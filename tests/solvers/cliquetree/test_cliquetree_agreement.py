@@ -26,7 +26,11 @@ def test_the_set_is_as_large_and_mixed_as_it_says():
     assert set(NAMED) <= {c.origin for c in every} == set(ORIGINS)
 
 
-@pytest.mark.parametrize("case", SAMPLE, ids=lambda c: f"{c.origin}: {c.name}")
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, marks=[pytest.mark.slow] * (k % 2)) for k, c in enumerate(SAMPLE)],
+    ids=lambda c: f"{c.origin}: {c.name}",
+)
 def test_what_is_called_solved_agrees_with_clarabel(case):
     found = compare(case, "numpy")
     assert found.falls_back or found.agrees, (found.own.status, found.loss)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from sparsepop_py.verified.arithmetic import substitution
@@ -226,7 +227,7 @@ def random_triangle(rng) -> tuple[sp.Problem, np.ndarray, list[Fraction]]:
     return sp.Problem(v[0], rows), np.append(np.zeros(count), float(kept)), exact
 
 
-@pytest.mark.parametrize("bits", [4, 7, 12])
+@pytest.mark.parametrize("bits", slow_after(2, [4, 12, 7]))
 def test_enclosures_of_few_bits_hold_the_solution(monkeypatch, bits):
     """With few bits each rounding moves an end by much of the width."""
     few_bits(monkeypatch, bits)
