@@ -236,7 +236,7 @@ def test_each_family_runs(name):
     # the first pooling, zoo and example problem; the smallest of what has sizes
     sizes = {"growth": (50,), "broyden": (20,), "quartics": (3,)}.get(name, (12,))
     selection = Selection(sizes=sizes, noises=(1.0,), count=1)
-    setting = Setting(("sparsepop_py",), repeats=1, options={"time_limit": 0.5})
+    setting = Setting(("sparsepop_py",), repeats=1, options={"time_limit": 0.2})
     first = next(iter(chosen.chosen(selection)))
     rows = list(runner.measure(chosen, first, setting))
     assert rows and all(each.family == name for each in rows)

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from slow_values import slow_after
 
 import sparsepop_py as sp
 from benchmarks.problems.power_flow import OPTIMUM, power_flow
@@ -15,7 +16,7 @@ from benchmarks.problems.sensors import localisation
 AUTO = sp.Options(effort="auto", gap=1e-6, time_limit=60)
 
 
-@pytest.mark.parametrize("ratings", [False, True])
+@pytest.mark.parametrize("ratings", slow_after(1, [True, False]))
 def test_the_power_flow_of_14_buses_has_the_published_optimum(ratings: bool) -> None:
     """IPOPT's value is 6.2913e+03: Power Grid Library, release 17.08, baseline results."""
     task = power_flow(ratings)

@@ -105,7 +105,7 @@ def outlive_kills(tmp_path: Path, kills: int, workers: int | None) -> None:
 
 
 def test_a_study_that_is_killed_ends_with_the_same_table(tmp_path: Path) -> None:
-    outlive_kills(tmp_path, 3, None)
+    outlive_kills(tmp_path, 2, None)
 
 
 @pytest.mark.slow
