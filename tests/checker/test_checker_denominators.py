@@ -10,6 +10,7 @@ from operator import mul
 
 import pytest
 from record_corpus import written
+from slow_values import slow_after
 from test_checker_simulation import about
 
 from checker.files import reading
@@ -30,7 +31,7 @@ from checker.result import NotProved
 
 STATIC = {"na": 0, "nb": 1, "nk": 0, "initial": "free"}
 FIRST = {"na": 1, "nb": 1, "nk": 0, "initial": "free"}
-CONES = ("cones-first", "cones-second", "cones-third", "cones-outputs", "cones-rest")
+CONES = ("cones-first", "cones-second", "cones-outputs", "cones-rest", "cones-third")
 
 
 def regression(known: Identification) -> Regression:
@@ -266,7 +267,7 @@ def loaded(name):
     return json.loads(written(name))["identification"]
 
 
-@pytest.mark.parametrize("name", CONES)
+@pytest.mark.parametrize("name", slow_after(4, CONES))
 def test_boxes_of_denominators_are_proved(name):
     found = loaded(name)
     assert any(one["is"] == "Denominators" for one in found["box"]["steps"])
@@ -287,7 +288,7 @@ def verdict(found):
     return "accepted"
 
 
-@pytest.mark.parametrize("name", CONES)
+@pytest.mark.parametrize("name", slow_after(4, CONES))
 def test_nearer_ends_are_refused(name):
     found = loaded(name)
     for v in range(len(found["parameters"])):
