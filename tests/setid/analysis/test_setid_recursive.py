@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from prior_cases import Never
+from slow_values import slow_after
 
 import setid
 import sparsepop_py as sp
@@ -49,7 +50,8 @@ def test_attained_ends_are_claimed_as_long_as_no_sample_is_left_out() -> None:
 
 
 @pytest.mark.parametrize(
-    "noise", [setid.Noise(output=0.05), setid.Noise(output=0.05, input=0.02, equation=0.01)]
+    "noise",
+    slow_after(1, [setid.Noise(output=0.05, input=0.02, equation=0.01), setid.Noise(output=0.05)]),
 )
 def test_noisy_sensors_keep_the_truth_in_a_box_that_only_shrinks(noise: setid.Noise) -> None:
     data = record(noise, 80, 3)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from identification_cases import PLANT
 from identified_cases import empty, first_order, identified, result_of, second_order
+from slow_values import slow_after
 
 import setid
 from setid.bands.responses import frequency_band
@@ -130,7 +131,7 @@ def test_steps_of_separate_denominators_are_those_of_one_input() -> None:
     assert frequency_band(found, [0.5], input=2, time_limit=3.0).magnitude[0, 1] < np.inf
 
 
-@pytest.mark.parametrize("more", [{}, {"offset": True}, {"initial": "zero"}])
+@pytest.mark.parametrize("more", slow_after(1, [{"offset": True}, {}, {"initial": "zero"}]))
 def test_simulations_of_separate_denominators_hold_the_truth(more: dict[str, Any]) -> None:
     found, _, true = two_inputs(**more)
     band = setid.simulate_band(found, kind="proved", time_limit=1.0)

@@ -10,6 +10,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from prior_cases import Never
+from slow_values import slow_after
 
 import setid
 import sparsepop_py as sp
@@ -98,7 +99,7 @@ def box_of(formulation: setid.Formulation):
     return cell_box(formulation, start)
 
 
-@pytest.mark.parametrize("name", ["hammerstein", "static gain", "two inputs"])
+@pytest.mark.parametrize("name", slow_after(2, ["hammerstein", "static gain", "two inputs"]))
 def test_sums_of_products_are_certified(name: str) -> None:
     model, theta, priors = CASES[name]
     truth = simulated(name, 0.02)
@@ -272,7 +273,7 @@ def test_internal_signals_without_bounds_are_named(initial: str) -> None:
     u = rng.uniform(-1.0, 1.0, 4)
     made = setid.simulate_record(model, [-0.5, 1.0, 0.3], u, noise, rng)
     box = setid.Box({"a1": (-0.9, 0.0), "gamma1": (0.5, 1.5), "gamma2": (0.0, 1.0)})
-    options = setid.Options(time_limit=3.0, progress=False)
+    options = setid.Options(time_limit=1.0, progress=False)
     found = setid.identify(made.data, model, noise, box, options=options)
     assert found.verify()
     named = [note for note in found.notes if "nothing bounds the internal signals z" in note]
@@ -374,7 +375,7 @@ class TestBands:
         x = np.linspace(-1, 1, 5)
         true = x + 0.4 * x**2 - 0.3 * x**3
         wide = setid.static_band(result, x=x)
-        tight = setid.static_band(result, x=x[:2], seconds=2.0)
+        tight = setid.static_band(result, x=x[:2], seconds=0.5)
         inner = setid.static_band(result, x=x, kind="sampled")
         assert wide.kind == "proved"
         assert inner.kind == "sampled"
@@ -527,7 +528,7 @@ def test_what_needs_rows_linear_in_the_parameters_says_why_there_are_none(
 ) -> None:
     model, _, priors = CASES[name]
     truth = simulated(name, 0.01, 15)
-    options = setid.Options(time_limit=3.0, progress=False)
+    options = setid.Options(time_limit=1.0, progress=False)
     result = setid.identify(truth.data, model, noise_of(truth), priors, options)
     affine = (setid.predict, setid.residuals, setid.step_band)
     for asked in (setid.projection_estimate, *(affine if name == "wiener" else ())):

@@ -9,6 +9,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from slow_values import slow_after
 
 import setid
 from setid.bounding import engine, long_records, simulations
@@ -157,7 +158,7 @@ def test_regions_are_split_only_where_the_first_one_reaches_near_the_attained_en
     assert leaves[0] == 1 < leaves[1]
 
 
-@pytest.mark.parametrize("split", [True, False])
+@pytest.mark.parametrize("split", slow_after(1, [True, False]))
 def test_the_engine_closes_what_regions_leave_open(monkeypatch, split: bool) -> None:
     """Records count as long here, and as the longest, from 60 equations on."""
     monkeypatch.setattr(long_records, "_MANY", 60)
