@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import setid
 from setid.minimum_noise.attained_noise import AttainedNoise
@@ -187,7 +188,7 @@ def test_units_of_readings_and_noise_do_not_matter() -> None:
     np.testing.assert_allclose(factors[1:], factors[0], rtol=1e-3)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", slow_after(2, [1, 2, 3]))
 def test_a_search_closes_from_random_denominators(order: int) -> None:
     """No denominator to begin from: the least noise is at most that of the planted one."""
     rows = rows_of(order)

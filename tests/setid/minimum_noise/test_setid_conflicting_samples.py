@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import setid
 from setid.minimum_noise.conflicting_samples import conflicting_samples, samples_listed
@@ -61,7 +62,7 @@ def test_sentences_name_records_and_count_what_they_leave_out() -> None:
     assert samples_listed(many, 2).endswith("1:9, 2:10, 2:11 and 3 more")
 
 
-@pytest.mark.parametrize("noise", [OUTPUT, BOTH])
+@pytest.mark.parametrize("noise", slow_after(1, [OUTPUT, BOTH]))
 def test_a_wrong_order(noise: setid.Noise) -> None:
     u = np.random.default_rng(3).uniform(-1, 1, 16)
     truth = setid.simulate_record(TWO, [-0.6, 0.1, 1.0, 0.15], u, noise, 3)

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from interrupted_programs import InterruptedPrograms
+from slow_values import slow_after
 
 import setid
 from setid import neural
@@ -128,7 +129,7 @@ def test_what_no_network_explains_is_proved_empty(name: str) -> None:
     assert not replace(found, steps=(halved, *found.steps[1:])).verify()
 
 
-@pytest.mark.parametrize("name", ["sigmoid", "algebraic"])
+@pytest.mark.parametrize("name", slow_after(1, ["sigmoid", "algebraic"]))
 def test_other_smooth_neurons(name: str) -> None:
     data = planted(name, 20, 0.01)
     found = neural.hidden_weights(structure(name), data, 0.012, weights=2.0, time_limit=1.0)

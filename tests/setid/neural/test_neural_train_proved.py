@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from interrupted_programs import InterruptedPrograms
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import setid
 import sparsepop_py as sp
@@ -64,7 +65,7 @@ def enumerated(data: setid.IOData, width: int, leak: float, reach: float) -> flo
     return best
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", slow_after(1, range(3)))
 @pytest.mark.parametrize("activation", ["relu", "leaky_relu"])
 def test_one_neuron_against_enumeration(seed: int, activation: str) -> None:
     data = record(6, seed, noise=0.5)
@@ -197,7 +198,7 @@ def test_fifteen_and_a_hundred_samples_end() -> None:
         assert found.lower_bound <= 0.1
 
 
-@pytest.mark.parametrize("activation", ["tanh", "sigmoid", "algebraic"])
+@pytest.mark.parametrize("activation", slow_after(1, ["tanh", "sigmoid", "algebraic"]))
 def test_smooth_networks_against_random_search(activation: str) -> None:
     data = record(6, noise=0.5)
     phi, y = regressors(data)
