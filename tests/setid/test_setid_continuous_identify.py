@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from continuous_cases import PLANT, QUICK, THETA, exact_samples, levels, noisy
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import setid
 
@@ -112,7 +113,7 @@ def test_proved_outputs_hold_the_recursion_of_the_truth(
         setid.predict(result)
 
 
-@pytest.mark.parametrize("size", [1e-2, 1e-8])
+@pytest.mark.parametrize("size", slow_after(1, [1e-8, 1e-2]))
 def test_intervals_collapse_with_the_noise(size: float) -> None:
     """The plant is the recursion itself, so that no discretisation error remains."""
     model = C(2, 1, Ts=0.3)
@@ -123,7 +124,7 @@ def test_intervals_collapse_with_the_noise(size: float) -> None:
     assert max(interval.width for interval in result.intervals.values()) < 150 * size
 
 
-@pytest.mark.parametrize("tau", [0.2, 5.0])
+@pytest.mark.parametrize("tau", slow_after(1, [0.2, 5.0]))
 def test_lambda_collapses_under_its_hold_assumption(tau: float) -> None:
     theta = np.array([2.0, 0.5, 3.0])
     model = C(1, 1, method="lambda", tau=tau, Ts=0.1)
@@ -310,10 +311,10 @@ def test_simulated_records_have_the_interval_of_their_structure() -> None:
 
 def held(delta: float) -> tuple[setid.IOData, setid.ContinuousTransferFunction]:
     """A sampled first-order response with .01 of noise, and a structure with a model error."""
-    u, y, pole = np.repeat([1.0, -1, 2, 0, 1], 4), np.zeros(20), np.exp(-0.2)
-    for k in range(19):
+    u, y, pole = np.repeat([1.0, -1, 2, 0, 1], 3), np.zeros(15), np.exp(-0.2)
+    for k in range(14):
         y[k + 1] = pole * y[k] + 1.5 * (1 - pole) * u[k]
-    data = setid.IOData(u, y + 0.01 * np.cos(7 * np.arange(20)), Ts=0.1)
+    data = setid.IOData(u, y + 0.01 * np.cos(7 * np.arange(15)), Ts=0.1)
     return data, C(1, 0, hold="constant", delta=delta)
 
 

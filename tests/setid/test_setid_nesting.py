@@ -11,7 +11,7 @@ QUICK = setid.Options(time_limit=60.0, progress=False)
 MODEL, THETA = setid.TransferFunction(1, 1, 1), [-0.6, 2.0]
 NOISES = [
     setid.Noise(equation=0.2),
-    setid.Noise(output=0.2),
+    pytest.param(setid.Noise(output=0.2), marks=pytest.mark.slow),
     setid.Noise(output=0.2, input=0.05),
 ]
 

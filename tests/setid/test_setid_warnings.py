@@ -11,7 +11,7 @@ import pytest
 
 import setid
 
-QUICK = setid.Options(time_limit=1.0, progress=False)
+QUICK = setid.Options(time_limit=0.5, progress=False)
 MODEL = setid.TransferFunction(1, 1, 1, offset=True)
 
 

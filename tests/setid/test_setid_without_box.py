@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from slow_values import slow_after
 
 import setid
 import sparsepop_py as sp
@@ -94,7 +95,7 @@ def test_an_interrupted_search_leaves_what_is_proved(
     assert found.verify()
 
 
-@pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
+@pytest.mark.parametrize("cause", slow_after(1, [LimitReached, KeyboardInterrupt]))
 def test_points_that_were_proved_in_time_are_kept(
     cause: type[BaseException], result: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:

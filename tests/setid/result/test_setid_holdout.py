@@ -51,7 +51,9 @@ STRUCTURES = {
 }
 
 
-@pytest.mark.parametrize("name", STRUCTURES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "Hammerstein")) for n in STRUCTURES]
+)
 def test_parts_that_are_held_out_do_not_begin_at_rest(name: str) -> None:
     model, theta = STRUCTURES[name]
     noise, u = setid.Noise(output=0.01), np.random.default_rng(0).uniform(-1.0, 1.0, 40)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from slow_values import slow_after
 
 pytest.importorskip("flask")
 
@@ -133,29 +134,37 @@ def test_validation_uses_the_rest_of_the_file(client: Any) -> None:
     ]
 
 
-def test_page_and_report_say_what_the_intervals_are_about(client: Any) -> None:
-    """Of a part of the file, whose samples come along: they are what files are checked against."""
-    job = start(client, samples=3, file="<b>mine</b>.csv", Ts=0.1).json["job"]
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Path]]:
+    """What is said of three of four samples, and a folder with its files."""
+    jobs, folder = Jobs(tmp_path_factory.mktemp("jobs")), tmp_path_factory.mktemp("part")
+    client = make_app(jobs).test_client()
+    given = {"file": "<b>mine</b>.csv", "Ts": 0.1, "equation": 1e308}  # huge bounds have files, too
+    job = start(client, samples=3, **given).json["job"]
     done = ended(client, job)
+    for file in done.get("files", []):
+        content = client.get(f"/jobs/{job}/{file}", base_url="http://127.0.0.1").data
+        (folder / file).write_bytes(content)
+    yield done, folder
+    jobs.close()
+
+
+def test_page_and_report_say_what_the_intervals_are_about(part: tuple[Any, Path]) -> None:
+    """Of a part of the file, whose samples come along: they are what files are checked against."""
+    done, folder = part
     assert done["state"] == "done", done
     section = done["sections"][0]["html"]
-    assert "3 of 4, every 0.1" in section and "equation 0.5, output 0.0, input 0.0" in section
+    assert "3 of 4, every 0.1" in section and "equation 1e+308, output 0.0, input 0.0" in section
     assert "&lt;b&gt;mine&lt;/b&gt;.csv" in section and "<b>" not in section
-    local = {"base_url": "http://127.0.0.1"}
-    files = {name: client.get(f"/jobs/{job}/{name}", **local).text for name in done["files"]}
-    assert "samples: 3 of 4, every 0.1\n" in files["report.txt"]
-    assert files["record.csv"] == "u,y\n4.0,0.0\n-3.0,-6.25\n2.0,1.175\n"
+    assert "samples: 3 of 4, every 0.1\n" in (folder / "report.txt").read_text()
+    assert (folder / "record.csv").read_text() == "u,y\n4.0,0.0\n-3.0,-6.25\n2.0,1.175\n"
 
 
 def test_files_are_proved_again_against_the_samples_that_come_along(
-    client: Any, tmp_path: Path
+    part: tuple[Any, Path],
 ) -> None:
-    job = start(client, samples=3, equation=1e308).json["job"]  # huge bounds have files, too
-    for file in ended(client, job)["files"]:
-        content = client.get(f"/jobs/{job}/{file}", base_url="http://127.0.0.1").data
-        (tmp_path / file).write_bytes(content)
     record, *files = (
-        str(tmp_path / name) for name in ("record.csv", "result.json", "certificate.json")
+        str(part[1] / name) for name in ("record.csv", "result.json", "certificate.json")
     )
     assert [main(["verify", "--record", record, file]) for file in files] == [0, 0]
     check = [sys.executable, str(ROOT / "checker/check.py"), "--record", record, files[1]]
@@ -452,7 +461,7 @@ POSIX = pytest.mark.skipif(
 
 
 @POSIX
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", slow_after(1, ["SIGTERM", "SIGHUP"]))
 def test_files_are_deleted_however_the_server_is_told_to_end(name: str, tmp_path: Path) -> None:
     call = [sys.executable, "-c", SERVED.format(reset=[name])]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
