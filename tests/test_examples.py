@@ -153,7 +153,6 @@ def test_ratios(tmp_path: Path) -> None:
     assert checked.returncode == 0
 
 
-@pytest.mark.slow
 def test_identify_motor(tmp_path: Path) -> None:
     """The parameters that made the record lie in the intervals, which are attained inside."""
     output = run("identify_motor", tmp_path)
@@ -192,7 +191,6 @@ def test_many_objectives(tmp_path: Path) -> None:
     assert "one relaxation for all: True" in output
 
 
-@pytest.mark.slow
 def test_order_comparison(tmp_path: Path) -> None:
     rows = [line.split() for line in run("order_comparison", tmp_path).splitlines()[1:]]
     assert len(rows) == 12
@@ -247,7 +245,6 @@ def test_identify_cd_player(tmp_path: Path) -> None:
     assert "0 of 200" in output
 
 
-@pytest.mark.slow
 def test_identify_tank(tmp_path: Path) -> None:
     output = run("identify_tank", tmp_path, "--output", str(tmp_path / "pictures"))
     linear, quadratic = re.findall(r"equation error (\S+) V", output)
@@ -305,15 +302,7 @@ def test_readme_code(number: int, folder: Path, capsys: pytest.CaptureFixture[st
         assert promise in printed
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param(
-            command, marks=[pytest.mark.slow] * (command.split()[1] in ("orders", "study"))
-        )
-        for command in COMMANDS
-    ],
-)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_readme_commands(command: str, folder: Path) -> None:
     program, *arguments = shlex.split(command.split("#")[0])
     main = {"sparsepop": cli.main, "setid": setid_cli.main}[program]
@@ -341,7 +330,6 @@ def test_identify_cascade(tmp_path: Path) -> None:
     assert output.count("certified") == 4
 
 
-@pytest.mark.slow
 def test_identify_hammerstein(tmp_path: Path) -> None:
     output = run("identify_hammerstein", tmp_path, "--output", str(tmp_path / "pictures"))
     assert "refused: normalise" in output
@@ -410,7 +398,6 @@ def test_a_picture_is_drawn_for_light_and_dark_pages(tmp_path: Path) -> None:
     assert pictures(tmp_path) == {"feasible_set_light.svg", "feasible_set_dark.svg"}
 
 
-@pytest.mark.slow
 def test_a_report_from_a_file(tmp_path: Path) -> None:
     pytest.importorskip("jinja2")
     printed = run("identify_report", tmp_path, "--output", str(tmp_path))

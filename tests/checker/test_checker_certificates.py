@@ -34,9 +34,7 @@ def loaded(group: str, most: int, name: str) -> dict:
 # ---- agreement ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "group", [pytest.param(g, marks=[pytest.mark.slow] * (g == "examples")) for g in FEW]
-)
+@pytest.mark.parametrize("group", FEW)
 def test_both_checkers_agree(group):
     """What the package reads back, which proves it, the second checker proves at least as well."""
     for name, text in solved(group, FEW[group]).items():

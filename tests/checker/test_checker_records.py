@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 import record_corpus
 from record_corpus import written
-from slow_values import slow_after
 
 import setid
 from checker import command
@@ -563,9 +562,7 @@ def test_rows_hold_at_what_made_the_record(seed):
         assert abs(value) < 1e-12
 
 
-@pytest.mark.parametrize(
-    "name", slow_after(4, ["narx", "hammerstein", "wiener", "continuous", "lure"])
-)
+@pytest.mark.parametrize("name", ["narx", "hammerstein", "wiener", "lure", "continuous"])
 def test_rows_of_other_structures_are_taken_as_given(tmp_path, capsys, name):
     """Both checkers agree (`written` asserts that setid verifies), but for rows and box."""
     path = tmp_path / f"{name}.json"

@@ -406,7 +406,7 @@ def test_estimates_that_take_long_end_with_the_limit(
     u = np.random.default_rng(0).uniform(-1, 1, (samples, 1))
     noise, model = setid.Noise(output=0.1), setid.TransferFunction(1, 1, 1)
     data = setid.simulate_record(model, [-0.7, 0.5], u, noise).data
-    options = setid.Options(time_limit=0.4, progress=False)
+    options = setid.Options(time_limit=1.0, progress=False)
     found = setid.consistency(data, model, noise, setid.Stable(), options)
     assert tried == [0] and found.verify() and found.scale[0] <= 1.0
 
