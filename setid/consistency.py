@@ -67,7 +67,7 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 __all__ = ["consistency"]
 
 Reals = NDArray[np.float64]
-Samples = tuple[tuple[int, int], ...]  # records and samples, from 0
+Samples = tuple[tuple[int, int], ...]  # records, from 1, and samples, from 0
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 T = TypeVar("T")
 
@@ -385,7 +385,7 @@ def _larger(one: Refuted | None, two: Refuted | None) -> Refuted | None:
 
 
 def _conflicting(asked: _Question, refuted: Refuted | None) -> Samples:
-    """Records and samples, counted from 0, whose rows refute a factor."""
+    """Records, from 1, and samples, from 0, whose rows refute a factor."""
     if refuted is None or isinstance(refuted[1], DenominatorCells):
         return ()
     found = conflicting_rows(asked.stated(refuted[0]), refuted[1])

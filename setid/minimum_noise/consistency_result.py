@@ -60,7 +60,8 @@ class Consistency(NoiseScale):
         As given: a factor of 1.
     assumptions : tuple of str
     samples : tuple of (record, sample)
-        Samples, from 0, that keep the factor from being smaller, where linear programs tell.
+        Records, from 1, and samples, from 0, that keep the factor from being smaller than the
+        lower end, or than ``refuted`` where there is one; empty where linear programs do not tell.
 
     Examples
     --------
@@ -153,9 +154,16 @@ class Consistency(NoiseScale):
             lines.append("attained by " + ", ".join(f"{n} = {v:.6g}" for n, v in pairs))
         if self.samples:
             shown = samples_listed(self.samples, self.formulation.data.records)
-            lines.append(f"held up by samples {shown}")
+            lines.append(f"held up by samples {shown}{self._beside()}")
         lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
         return "\n".join(lines)
+
+    def _beside(self) -> str:
+        """Say how far the samples alone hold up the factor, where all others raise it."""
+        alone = self.scale[0] if self.refuted is None else self.refuted[0]
+        if alone >= self.scale[0]:
+            return ""
+        return f", which alone refute factors below {rounded(alone, False, 6)}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the refuted and attained factors; returns the axes.

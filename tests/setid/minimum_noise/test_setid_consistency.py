@@ -45,6 +45,17 @@ def test_the_least_equation_error_of_the_laboratory_records() -> None:
     assert bool(other.verify())
 
 
+def test_samples_are_named_with_the_factor_that_they_hold_up_alone() -> None:
+    """The whole record needs 1.31; least noise of samples 0, 4, 6 over a grid of a1: 0.857."""
+    u = [2.0, -2.6, 0.4, -0.6, -0.5, -0.2, -2.0, -0.2]
+    y = [2.1, -1.6, -0.5, -0.9, -1.1, -0.8, -2.3, -1.4]
+    model = setid.TransferFunction(1, 1, initial="zero")
+    found = setid.consistency(setid.IOData(u, y), model, setid.Noise(output=0.1), options=QUICK)
+    assert found.refuted is not None and found.scale[0] > 1.3
+    assert {k for _, k in found.samples} == {0, 4, 6} and found.refuted[0] < 0.858
+    assert "held up by samples 0, 4, 6, which alone refute factors below 0.85" in found.summary()
+
+
 def test_too_small_bounds_are_refuted() -> None:
     found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=0.33))
     assert found.explains is False and found.scale[0] > 1.0
