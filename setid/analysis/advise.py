@@ -146,7 +146,7 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     Parameters
     ----------
     step_record : IOData
-        One input steps once; sampled as fast as may be.
+        One record in which one input steps once; sampled as fast as may be.
     zero_record : IOData or array_like (N,), optional
         Outputs at rest with zero input, for the noise bound: one part, or (N, channels). When
         left out, the parts of the step record before the step and after settling.
@@ -158,7 +158,7 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     Raises
     ------
     DataError
-        If no input changes.
+        If no input changes, or there are several records.
 
     Examples
     --------
@@ -172,6 +172,8 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     """
     if not isinstance(step_record, IOData):
         raise DataError(f"step_record: found {type(step_record).__name__}, expected IOData")
+    if step_record.records > 1:  # an input that differs between two records is no step
+        raise DataError(f"step_record: found {step_record.records} records, expected one")
     begin = _step_at(step_record)
     once = _steps_once(step_record, begin)
     answers = [y for y in step_record.y.T if _answers(y, begin)]
@@ -207,8 +209,8 @@ def _step_at(data: IOData) -> int:
     size = change.max(axis=1) if change.size else np.zeros(1)
     if not size.max() > 0:
         raise DataError(
-            "step_record: found inputs that never change, expected a step; begin the record "
-            "before it"
+            "step_record: found inputs that never change from one known sample to the next, "
+            "expected a step; begin the record before it"
         )
     return int(np.argmax(size)) + 1
 

@@ -94,6 +94,16 @@ def test_saturation_and_quantisation_are_seen() -> None:
 def test_a_record_without_a_step_is_refused() -> None:
     with pytest.raises(setid.DataError, match="never change"):
         setid.advise(setid.IOData(np.zeros(5), np.arange(5.0)))
+    gap = np.append(np.zeros(20), np.ones(20))
+    gap[18:22] = np.nan  # it does change, but not between known samples
+    with pytest.raises(setid.DataError, match="from one known sample to the next"):
+        setid.advise(setid.IOData(gap, np.arange(40.0)))
+
+
+def test_an_input_that_differs_between_two_records_is_no_step() -> None:
+    u, y = np.repeat([0.0, 1.0], 50), np.repeat([0.0, 5.0], 50)
+    with pytest.raises(setid.DataError, match="found 2 records"):
+        setid.advise(setid.IOData(u, y, starts=[0, 50]))
 
 
 def test_the_square_wave_has_both_half_periods() -> None:
