@@ -31,7 +31,7 @@ from setid.identify import identify
 from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.equations import Structure
 from setid.models.registry import family_of
-from setid.options import Options, checked_options
+from setid.options import Options, check_executor, checked_options
 from setid.priors.base import Prior, listed
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
@@ -226,6 +226,7 @@ def select(
     )
     if width is not None and not number(width, "width", SetidError) > 0:
         raise SetidError(f"width: found {width!r}, expected a number > 0")
+    check_executor(executor)
     make = _family(family, data)
     sizes = _naturals(orders, "orders", 0)
     tops = _naturals(degrees, "degrees", 1)

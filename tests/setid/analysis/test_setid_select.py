@@ -128,3 +128,9 @@ def test_an_interrupt_ends_the_selection(monkeypatch: pytest.MonkeyPatch) -> Non
     found = setid.select(data, setid.TransferFunction, setid.Noise(output=0.1), [1, 2, 3])
     assert len(calls) == len(found.steps) == 1 and found.steps[0].result.interrupted
     assert found.chosen is None
+
+
+def test_an_executor_is_one() -> None:
+    data = setid.IOData([1, 0, 2, 1], [0, 1, 0.5, 2])
+    with pytest.raises(setid.SetidError, match="expected a concurrent.futures.Executor"):
+        setid.select(data, setid.TransferFunction, setid.Noise(output=1), [0], executor="thread")
