@@ -183,10 +183,10 @@ class Fit:
         box = None if self.evidence is None else self.evidence.box
         if box is None or not np.all(np.isfinite([box.lower, box.upper])):
             return (
-                "no finite box of the parameters was found in which errors are this small, and "
-                "that could be searched; priors such as Box and Stable give one"
+                "no finite box of the parameters was searched; give more time, a smaller tol, or "
+                "priors such as Box and Stable, which give such a box"
             )
-        return "give more time, or priors that leave less to search"
+        return "give more time, a smaller tol, or priors that leave less to search"
 
     def plot(self, ax: Axes | NDArray[Any] | None = None) -> NDArray[Any]:
         """Draw readings and outputs of the model; returns the axes.

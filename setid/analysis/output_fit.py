@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import inf
+from math import hypot, inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -175,7 +175,7 @@ def _known(
     """State the least error within that of a fit, and prove in time that it is attained."""
     least = _EXACT * float(np.nanmax(np.abs(data.y), initial=0.0))  # where a fit is exact
     radius = max(float(_norm(data.y - fitted[1], norm) * (1.0 + _MARGIN)), least)
-    if not 0.0 < radius < inf:
+    if not 0.0 < _objective(norm, radius) < inf:
         return None
     formulation, level = stated(data, model, priors, radius), refuted.factor
     known = OutputErrors(norm, radius, formulation, None, None, None, level, refuted.cells)
@@ -306,7 +306,7 @@ def _minimised(
         return given
     point = _at_fit(known, fitted)
     start = np.clip(_vector(known, fitted) / scaled.units, lower, upper)
-    size = 2.0 * known.radius**2 if known.norm == "l2" else known.radius  # for a relative gap
+    size = _objective(known.norm, known.radius)  # for a relative gap
     usual = settings.for_engine("absolute", until)
     options = replace(usual, gap=settings.tol * size / scaled.factor)
     found = sp.solve(scaled.problem, options, start=start)
@@ -329,8 +329,13 @@ def _of_point(known: OutputErrors, point: sp.ProvedPoint) -> Fitted:
     return np.asarray(x[formulation.layout.group("theta")], np.float64), outputs
 
 
+def _objective(norm: Norm, error: float) -> float:
+    """Compute what a gap of the objective is relative to: of squares twice as much."""
+    return 2.0 * error * error if norm == "l2" else error
+
+
 def _norm(errors: Reals, norm: Norm) -> float:
     size = np.abs(errors[~np.isnan(errors)])
     if norm == "l2":
-        return float(np.linalg.norm(size))
+        return hypot(*size.tolist())  # whose squares neither overflow nor vanish
     return float(size.sum() if norm == "l1" else size.max())

@@ -288,6 +288,9 @@ def test_an_open_gap_has_a_cause() -> None:
     options = setid.Options(time_limit=0.01, progress=False)
     found = setid.fit(setid.IOData(u, y), model, options=options)
     assert found.lower_bound == 0.0 and "no finite box" in found.summary()
+    loose = setid.Options(tol=0.5, time_limit=20, progress=False)  # closed, as far as was asked
+    one = setid.fit(setid.IOData(u, y[:, :1]), setid.TransferFunction(1, 1, 1), options=loose)
+    assert 0.01 < one.gap < 0.5 and "was searched" in one.summary() and "tol" in one.summary()
     closed = setid.fit(HAIRDRYER, setid.TransferFunction(1, 1, 3, offset=True), "l2", options=QUICK)
     assert "gap is open" not in closed.summary()
 
@@ -372,3 +375,17 @@ def test_proofs_of_attained_errors_end_with_the_time(
     assert asked[0] >= 1 and not found.attained
     assert found.lower_bound <= np.linalg.norm(y - found.outputs[:, 0]) <= found.error * (1 + 1e-9)
     assert bool(found.verify())
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e153, 1e170])
+def test_euclidean_errors_have_no_range(size: float) -> None:
+    """Squares of these errors are zero or infinite, the error is neither."""
+    u, y = [1, 0, 2, 1, 0, 1, 2, 0, 1], np.array([0, 1, 0.5, 2.25, 2.1, 1, 0.9, 2.2, 1.1])
+    model, plain = setid.TransferFunction(0, 1, 1), setid.Options(time_limit=5, progress=False)
+    # y = b u(k-1): the least squares by hand, the first sample has no row
+    before, after = np.array(u[:-1], float), y[1:]
+    rest = after - before * (before @ after) / (before @ before)
+    with np.errstate(over="ignore"):
+        found = setid.fit(setid.IOData(u, y * size), model, options=plain)
+    assert found.error / size == pytest.approx(float(np.linalg.norm(rest)), rel=1e-3)
+    assert found.gap >= 0.0 and found.verify()
