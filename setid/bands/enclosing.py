@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,7 +236,8 @@ def _narrowed(
         return _one(task, asked.cover, known, replace(effort, until=until), settle)
 
     begin = time.monotonic()
-    brief = _BRIEF * (effort.until - begin)
+    limit = effort.until - begin
+    brief = _BRIEF * limit if limit < inf else FIRST_SECONDS  # the cover has to be narrowed too
     band = band_until(begin + brief)
     if task.samples > 0 and len(drawn):
         slopes = slopes_of(task, asked.cover, asked.coordinates.values(drawn.mean(axis=0)))

@@ -161,7 +161,7 @@ class Narrowing:
         keys = [functions[place].tobytes() for place in chosen]
         gap = min(self.gaps.get(key, _FIRST) for key in keys)
         directions = np.concatenate([functions[chosen], -functions[chosen]])
-        left = max(until - time.monotonic(), 0.0)
+        left = None if until == inf else max(until - time.monotonic(), 0.0)
         engine = self.result.options.for_engine()
         options = replace(engine, gap=gap, gap_kind="width", time_limit=left)
         heights, points = solved_heights(self.result, directions, options, self.coordinates)

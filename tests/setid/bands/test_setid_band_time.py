@@ -112,3 +112,11 @@ def test_predictions_have_a_time_limit(
     assert "a larger time_limit narrows them" in said
     with pytest.raises(setid.SetidError, match="time_limit: found -1"):
         unstable.predict(time_limit=-1)
+
+
+def test_bands_need_no_time_limit() -> None:
+    data = setid.IOData([1, 0, 2, 1, 0, 1, 2, 0, 1], [0, 1, 0.5, 2.25, 2.1, 1.0, 0.9, 2.2, 1.1])
+    model, options = setid.TransferFunction(1, 1, 1), setid.Options(tol=1e-2, progress=False)
+    result = setid.identify(data, model, setid.Noise(output=0.4), options=options)
+    band = setid.step_band(result, 10, time_limit=float("inf"))
+    assert band.report is not None and band.report.verdict == "tight"
