@@ -206,6 +206,15 @@ def test_a_box_constrained_qplib(tmp_path: Path) -> None:
     assert sp.solve(problem, sp.Options(order=1)).upper_bound == -4
 
 
+def test_names_of_a_qplib_file_without_rows(tmp_path: Path) -> None:
+    """The format leaves out the rows' multipliers where there are no rows (GALAHAD's note [1])."""
+    path = tmp_path / "box.qplib"
+    start = "b\nLCB\nminimize\n2\n1\n0\n0\n1e30\n0\n0\n4\n0\n"  # up to the bounds
+    for points in ("0\n0\n0\n0\n", "0.5\n1\n2 1\n0\n0\n"):  # of the variables and of bounds
+        path.write_text(start + points + "2\n1 flow\n2 heat\n0\n")
+        assert sp.read(path).names == ("flow", "heat")
+
+
 # ---- SCIP -------------------------------------------------------------------------------
 
 PIP = """Minimize

@@ -241,8 +241,8 @@ def _variables(lines: _Lines, kind: str, n: int) -> tuple[list[float], list[floa
 def _names(lines: _Lines, n: int, m: int) -> tuple[list[str], list[str]]:
     """Skip the starting points and read the names that follow them."""
     variables, rows = [f"x{v + 1}" for v in range(n)], [f"row{k + 1}" for k in range(m)]
-    for size in (n, m, n):  # of x, of the rows' multipliers, of those of bounds
-        if (size or not m) and not lines.done:
+    for size in (n, m, n):  # of x, of the multipliers of rows if there are any, of those of bounds
+        if size and not lines.done:
             lines.vector(size, "a starting point")
     for names in (variables, rows):
         for _ in range(lines.count("the number of names") if not lines.done else 0):
