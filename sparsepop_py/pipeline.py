@@ -9,8 +9,9 @@ One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import chain, tee
 from typing import Any, TypeAlias, overload
@@ -295,26 +296,50 @@ def _solve_apart(
     executor: Executor,
     on_progress: OnProgress | None,
 ) -> list[Result]:
-    """Solve problems as tasks of their own, in this process where the executor fails."""
-    until = tasks[0][-1]
-    patience = None if until is None else _PATIENCE * (until - time.time()) + 1.0
+    """Solve problems as tasks of their own; an interrupt keeps those that are done."""
     found: dict[int, Result] = {}
     try:
-        for done in completed(executor, _solve_task, enumerate(tasks), patience=patience):
-            if done.value is None:
-                raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
-            found[done.key] = done.value
-    except SparsePOPError as error:
-        text = f"the executor failed ({error}): objectives are bounded in this process"
-        for number in range(len(tasks)):
+        with closing(_results_apart(tasks, executor)) as results:
+            for number, each in results:
+                found[number] = each
+                if on_progress is not None:
+                    on_progress(number, each.lower_bound, each.upper_bound)
+    except KeyboardInterrupt:
+        for number, task in enumerate(tasks):
             if number not in found:
-                one = _solve_task(tasks[number])
-                found[number] = replace(one, notes=(*one.notes, text))
-    results = [found[number] for number in range(len(tasks))]
-    if on_progress is not None:
-        for number, each in enumerate(results):
-            on_progress(number, each.lower_bound, each.upper_bound)
-    return results
+                found[number] = _interrupted(task)
+    return [found[number] for number in range(len(tasks))]
+
+
+def _results_apart(
+    tasks: list[_Task], executor: Executor
+) -> Generator[tuple[int, Result], None, None]:
+    """Yield numbers and results as tasks end, from this process where the executor fails."""
+    until = tasks[0][-1]
+    patience = None if until is None else _PATIENCE * (until - time.time()) + 1.0
+    left = dict(enumerate(tasks))
+    try:
+        with closing(completed(executor, _solve_task, enumerate(tasks), patience=patience)) as all_:
+            for done in all_:
+                if not isinstance(done.value, Result):
+                    raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
+                del left[done.key]
+                yield done.key, done.value
+    except Exception as error:  # of a task, which this process meets again, or of the executor
+        text = f"the executor failed ({error}): objectives are bounded in this process"
+        for number, task in left.items():
+            one = _solve_task(task)
+            yield number, replace(one, notes=(*one.notes, text))
+            if INTERRUPTED in one.notes:
+                raise KeyboardInterrupt from None
+
+
+def _interrupted(task: _Task) -> Result:
+    """Make the result of a task that an interrupt left undone."""
+    problem, options, _, _ = task
+    deadline = _deadline(options)
+    deadline.stop()
+    return _result(unstarted_state(SolveContext(problem, options, Stages(), deadline), []), {})
 
 
 def _shared_out(options: Options, count: int) -> Options:

@@ -83,3 +83,70 @@ def test_errors_of_tasks_are_raised() -> None:
     pool = Counting(9, ValueError())
     with pytest.raises(sp.ProblemError, match=r"start: found shape \(3,\)"):
         sp.solve_each(DISC, OBJECTIVES, start=[1.0, 2.0, 3.0], executor=pool)
+
+
+class Pressed(Counting):
+    """The user presses Ctrl-C while the executor is given the next task."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if len(self.options) >= self.most:
+            raise KeyboardInterrupt
+        return super().submit(fn, *args, **kwargs)
+
+
+def check_interrupted(found: list[sp.Result], done: list[bool]) -> None:
+    for result, complete in zip(found, done, strict=True):
+        expected = sp.Status.OPTIMAL if complete else sp.Status.INTERRUPTED
+        assert result.status is expected
+        assert result.lower_bound <= -1.0  # the minimum over the disc
+        assert complete or result.lower_bound == -float("inf")
+
+
+def test_an_interrupt_keeps_the_objectives_that_are_done() -> None:
+    """It was raised through, and all results were lost."""
+
+    def stop(number: int, lower: float, upper: float) -> None:
+        seen.append(number)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+
+    seen: list[int] = []
+    pool = Counting(9, ValueError())
+    check_interrupted(
+        sp.solve_each(DISC, OBJECTIVES, executor=pool, on_progress=stop),
+        [number in seen for number in range(3)],
+    )
+    check_interrupted(sp.solve_each(DISC, OBJECTIVES, executor=Pressed(0, OSError())), [False] * 3)
+
+
+def test_an_interrupt_in_this_process_ends_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the executor failed, Ctrl-C ended one objective, and the next began."""
+    begun: list[int] = []
+
+    def pressed(*_: Any) -> Any:
+        begun.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sparsepop_py.pipeline.first_incumbent", pressed)
+    found = sp.solve_each(DISC, OBJECTIVES, executor=Counting(0, RuntimeError("shut down")))
+    check_interrupted(found, [False] * 3)
+    assert len(begun) == 1
+
+
+class Broken(Counting):
+    """Brings an exception of its own, or what is no result."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        job: Future[Any] = Future()
+        if isinstance(self.error, MemoryError):
+            job.set_exception(self.error)
+        else:
+            job.set_result(17)
+        return job
+
+
+@pytest.mark.parametrize("error", [MemoryError("of a worker"), ValueError()])
+def test_what_is_no_result_is_made_in_this_process(error: Exception) -> None:
+    found = sp.solve_each(DISC, OBJECTIVES, executor=Broken(9, error))
+    check(found)
+    assert all("the executor failed" in " ".join(result.notes) for result in found)
