@@ -253,7 +253,8 @@ def _add_problem_files(command: argparse.ArgumentParser) -> None:
 def _refuse_options(arguments: argparse.Namespace) -> None:
     """Refuse options of files where there are none."""
     for name in ("orders", "auto", "time_limit"):
-        if getattr(arguments, name) not in (None, False):
+        value = getattr(arguments, name)
+        if value is not None and value is not False:  # 0 is one
             option = f"--{name.replace('_', '-')}"
             raise ProblemError(f"{option}: found no FILE, expected the files that it is about")
 

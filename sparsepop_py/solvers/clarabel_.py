@@ -39,7 +39,7 @@ STATUS = {
     "DualInfeasible": "unbounded",
     "AlmostDualInfeasible": "unbounded",
 }
-_LARGE = 40_000  # entries of A; below, an iteration takes hardly longer than a process to start
+_LARGE = 40_000  # entries of A; below, an iteration takes 5 s at most, mostly milliseconds
 _SLOWEST = 3e-9  # seconds of an iteration by square entries of A: rings of cliques, much fill-in
 _SHARE = 0.25  # of the limit that an iteration may take in this process
 _EARLIER = 0.8  # of the limit: then it is to return its iterate, which may prove something

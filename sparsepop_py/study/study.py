@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -29,6 +30,8 @@ from sparsepop_py.study.table import Table
 __all__ = ["BaseStudy", "StudyStatus", "Work", "perform", "status_of", "table_of"]
 
 Tags = Mapping[str, str | int | float | bool]
+
+_DIGITS = 1e-12  # of the largest number in a row, as where JSON of results is read
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,8 +405,18 @@ def _file_name(name: str, number: int, names: set[str]) -> str:
 
 def _same(stored: list[dict[str, Any]], rows: list[dict[str, Any]]) -> bool:
     """Compare stored rows with those of a result, in the columns that were stored."""
-    kept = [{c: row.get(c) for c in old} for old, row in zip(stored, rows, strict=False)]
-    return len(stored) == len(rows) and json.dumps(stored) == json.dumps(kept)
+    return len(stored) == len(rows) and all(map(_agree, stored, rows))
+
+
+def _agree(old: dict[str, Any], row: dict[str, Any]) -> bool:
+    """Compare one row but for last digits: points are proved again where results are read."""
+    numbers = [abs(v) for v in old.values() if isinstance(v, float) and isfinite(v)]
+    error = _DIGITS * max([1.0, *numbers])
+    pairs = [(value, row.get(column)) for column, value in old.items()]
+    return all(
+        v == w or (isinstance(v, float) and isinstance(w, float) and abs(v - w) <= error)
+        for v, w in pairs
+    )
 
 
 # ---- one task -----------------------------------------------------------------------------------
