@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "CONVERTED",
     "ClaimError",
     "DenominatorError",
     "FormatError",
@@ -27,6 +28,8 @@ __all__ = [
     "entries_of",
     "shown",
 ]
+
+CONVERTED = (str, bytes, np.datetime64, np.timedelta64)  # of which numpy makes numbers
 
 
 class SparsePOPError(Exception):
@@ -145,7 +148,7 @@ def doubles(given: ArrayLike, field: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(given)
         if array.dtype.kind in "cUSmM" or (  # whose imaginary parts, texts or dates numpy converts
-            array.dtype.kind == "O" and any(isinstance(item, (str, bytes)) for item in array.flat)
+            array.dtype.kind == "O" and any(isinstance(item, CONVERTED) for item in array.flat)
         ):
             raise TypeError
         return np.asarray(array, float)

@@ -23,6 +23,7 @@ WRONG = [
     ("lower", lambda: sp.Problem(F, lower=np.array(["1971"], "M8[Y]"))),
     ("lower", lambda: sp.Problem(F, lower=np.array(["0", "1"]))),
     ("lower", lambda: sp.Problem(F, lower=np.array(["0", "1"], object))),
+    ("lower", lambda: sp.Problem(F, lower=np.array([np.timedelta64(3, "s"), 0], object))),
     ("upper", lambda: sp.Problem(F, upper=[1 + 2j, 3])),
     ("coefficients", lambda: sp.Polynomial.from_terms([[1, 0]], np.array([1 + 2j]))),
     ("squares", lambda: sp.Problem(F, squares=3)),

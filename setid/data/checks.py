@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.errors import DataError, SetidError
 from sparsepop_py.algebra.exact_terms import require_doubles
 from sparsepop_py.budget import LimitReached
+from sparsepop_py.errors import CONVERTED
 
 __all__ = [
     "MOST_TERMS",
@@ -113,7 +114,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         array = without_mask(given)
         if np.iscomplexobj(array) or array.dtype.kind in "USmM":  # text, durations, dates
             raise TypeError
-        if array.dtype.kind == "O" and any(isinstance(x, (str, bytes)) for x in array.flat):
+        if array.dtype.kind == "O" and any(isinstance(x, CONVERTED) for x in array.flat):
             raise TypeError
         values = np.array(array, float)
     except (TypeError, ValueError, OverflowError):

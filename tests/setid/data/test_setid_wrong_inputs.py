@@ -34,6 +34,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: setid.IOData(np.array(["1", "2"], object), [3, 4]),
         "u: found ndarray",
     ),
+    "dates among objects": (
+        lambda: setid.IOData(np.array([np.datetime64("1971"), 2], object), [3, 4]),
+        "u: found ndarray",
+    ),
     "dates": (
         lambda: setid.IOData([3, 4], np.array(["2026-03-01", "2026-03-02"], "M8[D]")),
         "y: found ndarray",
