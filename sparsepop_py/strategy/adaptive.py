@@ -292,7 +292,7 @@ class AdaptiveSearch:
         known before.
         """
         share = TREE.share_before_relaxation * self.queue.seconds(spec)
-        return share > max(self._branched, TREE.longest_slice)
+        return share > max(self._branched, TREE.shortest_slice)
 
     def _scaled(self) -> Scaled:
         """Scale the problem to the current box; remembered until the box changes."""

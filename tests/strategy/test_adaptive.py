@@ -89,12 +89,12 @@ def test_a_long_relaxation_comes_after_a_tree_that_has_gained_nothing_yet(
 
 @pytest.mark.parametrize(
     ("expected", "spent", "early"),
-    [(29.0, 0.0, False), (140.0, 0.0, True), (140.0, 13.9, True), (140.0, 14.1, False)],
+    [(0.9, 0.0, False), (9.8, 0.2, True), (140.0, 13.9, True), (140.0, 14.1, False)],
 )
 def test_a_tree_has_a_tenth_of_a_long_relaxation(
     expected: float, spent: float, early: bool
 ) -> None:
-    """Below thirty seconds rates alone decide, and a tree that had its share ends its turn."""
+    """Below a second rates alone decide, and a tree that had its share ends its turn."""
     search: Any = SimpleNamespace(queue=SimpleNamespace(seconds=float), _branched=spent)
     spec: Any = expected
     assert adaptive.AdaptiveSearch._is_early(search, spec) is early
