@@ -11,7 +11,8 @@ import pytest
 from slow_values import slow_after, slow_unless
 
 import setid
-from setid.proofs.cells.arithmetic import CellRows
+from setid.proofs.cells import cell_signals
+from setid.proofs.cells.arithmetic import CellRows, Fitted
 from setid.proofs.cells.output_cells import CellBox, cell_box, drive_of
 from setid.proofs.cells.parts import can_start, parts_of, with_impulses
 from setid.proofs.cells.unknown_start import depth, free_rows
@@ -211,6 +212,17 @@ def test_boxes_are_finite_and_hold_the_truth_and_the_signal(seed: int, start: fl
     assert np.all((box.lower <= theta) & (theta <= box.upper))
     assert np.all((box.low <= z) & (z <= box.high))
     assert np.all(np.isfinite([box.low, box.high]))
+
+
+def test_a_first_sample_is_felt_as_long_as_the_pole_lets_it() -> None:
+    """z(k) of the start alone is start times pole^k, in the cell of the true coefficients."""
+    formulation = formulated(simulated(-40.0)[0])
+    parts = parts_of(formulation)
+    true, none = np.array([[-0.5, 0.8, 0.24]]), np.zeros((1, 3))
+    fit = Fitted(true, none, np.ones(1, bool), np.zeros(1, bool))
+    cells = np.array([[[-0.4, 1.0], [-0.4, 1.0]]])
+    reach = cell_signals._from_start(parts, formulation, cells, fit)[0]
+    assert np.all(reach >= 40.0 * 0.4 ** np.arange(50)) and reach[0] < 41.0
 
 
 @pytest.mark.parametrize(
