@@ -214,6 +214,18 @@ def test_boxes_are_finite_and_hold_the_truth_and_the_signal(seed: int, start: fl
     assert np.all(np.isfinite([box.low, box.high]))
 
 
+def test_outputs_follow_from_no_first_sample_without_bounds() -> None:
+    """Of an internal signal, which no reading tells, or of an output whose reading is missing."""
+    data, _ = simulated(0.0, samples=20)
+    assert recursion_of(formulated(data), None) is None
+    y = data.y.copy()
+    y[0] = np.nan
+    lacking = setid.IOData(data.u, y)
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=NOISE)
+    assert recursion_of(setid.formulate(data, model, noise), None) is not None
+    assert recursion_of(setid.formulate(lacking, model, noise), None) is None
+
+
 def test_a_first_sample_is_felt_as_long_as_the_pole_lets_it() -> None:
     """z(k) of the start alone is start times pole^k, in the cell of the true coefficients."""
     formulation = formulated(simulated(-40.0)[0])
