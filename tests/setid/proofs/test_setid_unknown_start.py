@@ -11,13 +11,14 @@ import pytest
 from slow_values import slow_after, slow_unless
 
 import setid
+from setid.models.checked_structures import equations_of
 from setid.proofs.cells import cell_signals
 from setid.proofs.cells.arithmetic import CellRows, Fitted
 from setid.proofs.cells.output_cells import CellBox, cell_box, drive_of
 from setid.proofs.cells.parts import can_start, parts_of, with_impulses
 from setid.proofs.cells.unknown_start import depth, free_rows
 from setid.proofs.parameter_box import start_of
-from setid.proofs.simulated.outputs import recursion_of
+from setid.proofs.simulated.outputs import recursion_from, recursion_of
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 NOISE = 0.01
@@ -215,15 +216,10 @@ def test_boxes_are_finite_and_hold_the_truth_and_the_signal(seed: int, start: fl
 
 
 def test_outputs_follow_from_no_first_sample_without_bounds() -> None:
-    """Of an internal signal, which no reading tells, or of an output whose reading is missing."""
-    data, _ = simulated(0.0, samples=20)
-    assert recursion_of(formulated(data), None) is None
-    y = data.y.copy()
-    y[0] = np.nan
-    lacking = setid.IOData(data.u, y)
-    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=NOISE)
-    assert recursion_of(setid.formulate(data, model, noise), None) is not None
-    assert recursion_of(setid.formulate(lacking, model, noise), None) is None
+    """The internal signal has a first sample that cells alone bound, and no reading."""
+    formulation = formulated(simulated(0.0, samples=20)[0])
+    equations = equations_of(formulation.model, ("y1",))
+    assert recursion_from(formulation, equations) is None
 
 
 def test_a_first_sample_is_felt_as_long_as_the_pole_lets_it() -> None:
