@@ -252,8 +252,8 @@ def _below(
         ok = isnan(answer.bound) and not answer.arcs
         return Verification(ok, "" if ok else "the method proves no bound of abs(Delta)")
     stored = Ceiling.of(answer.arcs)
-    above = any(b > stored.over(low, high) for low, high, b in arcs)
-    if above or not max((b for *_, b in arcs), default=0.0) <= answer.bound:
+    below = all(b <= answer.bound and b <= stored.over(low, high) for low, high, b in arcs)
+    if not (below and answer.bound >= 0.0):  # nor where a new bound is NaN
         return Verification(False, "a stored bound of abs(Delta) is below what is proved")
     return Verification(True)
 

@@ -461,7 +461,10 @@ def rows_on_box(sums: Sums, box: Polytope) -> tuple[Reals, Reals]:
 
 
 def _weights(rows: NoisyRows, frame: Frame, best: bool, until: float) -> Reals:
-    """Rows as they are, whitened rows, a left inverse, and the best ones for each end."""
+    """Rows as they are, whitened rows, a left inverse, and the best ones for each end.
+
+    Where numbers overflow, rows as they are remain; whatever the weights, what sums prove holds.
+    """
     count = rows.target.size
     kept = np.unique(np.linspace(0, count - 1, min(count, _MOST_WHITE)).astype(int))
     plain = np.zeros((kept.size, count))

@@ -7,6 +7,8 @@ import json
 import pickle
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -226,6 +228,15 @@ def test_a_proof_that_no_plant_is_consistent_goes_round() -> None:
     assert answer.verdict == "open" and answer.reason.endswith("record, proved")
     again = control.StabilityCertificate.from_json(answer.to_json())
     assert again.reason == answer.reason
+
+
+@pytest.mark.parametrize("new", [(np.nan, 0.3), (0.3, np.nan), (0.6, 0.3), (0.3, 0.6)])
+def test_bounds_that_are_no_numbers_are_below_nothing(new: tuple[float, float]) -> None:
+    """Numbers that overflow make them, and 0.6 is above the bound 0.5 that is stored."""
+    answer: Any = SimpleNamespace(method="small_gain", bound=0.5, arcs=((0.0, np.pi, 0.5),))
+    ends = (0.0, 1.0), (1.0, np.pi)
+    assert stored._below(answer, tuple((*end, 0.3) for end in ends))
+    assert not stored._below(answer, tuple((*end, b) for end, b in zip(ends, new, strict=True)))
 
 
 @pytest.mark.parametrize(

@@ -74,8 +74,7 @@ def _warning(*_: object, **__: object) -> None:
 
 def test_what_a_solver_warns_of_is_not_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Inaccurate matrices once were a UserWarning, although only verified ones count."""
-    cvxpy = pytest.importorskip("cvxpy")
-    monkeypatch.setattr(cvxpy.Problem, "solve", _warning)
+    monkeypatch.setattr("cvxpy.Problem.solve", _warning)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not neural.stability(scalar(0.5)).conditions[-1].holds
