@@ -10,7 +10,7 @@ import matplotlib
 from hypothesis import HealthCheck, Phase, settings
 from journeys import Batch, through_json
 
-from sparsepop_py import pipeline
+from sparsepop_py.pipeline import final_result
 from sparsepop_py.result import Result
 
 matplotlib.use("Agg")
@@ -50,7 +50,7 @@ def made(state: Any, known: Any) -> Result:
 
 
 latest = Batch()
-make, pipeline._result = pipeline._result, made
+make, final_result._made = final_result._made, made
 
 
 def pytest_collection_finish() -> None:

@@ -20,12 +20,13 @@ from search_cases import bilinear, least_on_a_grid
 from solved import INF, check
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, budget, pipeline, progress, solvers
+from sparsepop_py import Options, Status, budget, progress, solvers
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.local_search import incumbents, multistart
 from sparsepop_py.lp import highs
+from sparsepop_py.pipeline import separate_tasks
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.moment import conic_rows
 from sparsepop_py.sparsity.correlative import find_cliques
@@ -124,15 +125,15 @@ def test_tasks_of_one_solve_share_its_time(monkeypatch):
     """Each task once had the whole limit: eight objectives took nine times as long."""
     x, y = sp.variables(2)
     problem, limits, now = sp.Problem(x + y, [x**2 + y**2 <= 1]), [], SimpleNamespace(wall=100.0)
-    own = pipeline.solve
+    own = separate_tasks.solve
 
     def solve(problem, options, **rest):
         limits.append(options.time_limit)
         now.wall += 5.0
         return own(problem, replace(options, time_limit=None), **rest)
 
-    monkeypatch.setattr(pipeline, "solve", solve)
-    monkeypatch.setattr(pipeline, "time", SimpleNamespace(time=lambda: now.wall))
+    monkeypatch.setattr(separate_tasks, "solve", solve)
+    monkeypatch.setattr(separate_tasks, "time", SimpleNamespace(time=lambda: now.wall))
     options = Options(effort="presolve", time_limit=12.0)
     with ThreadPoolExecutor(1) as pool:
         found = sp.solve_each(problem, [x, y, x + y, x - y], options, executor=pool)

@@ -127,7 +127,7 @@ def test_an_interrupt_in_this_process_ends_the_others(monkeypatch: pytest.Monkey
         begun.append(1)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sparsepop_py.pipeline.first_incumbent", pressed)
+    monkeypatch.setattr("sparsepop_py.pipeline.one_objective.first_incumbent", pressed)
     found = sp.solve_each(DISC, OBJECTIVES, executor=Counting(0, RuntimeError("shut down")))
     check_interrupted(found, [False] * 3)
     assert len(begun) == 1

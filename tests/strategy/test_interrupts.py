@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 
 import numpy as np
@@ -13,10 +12,11 @@ from slow_values import slow_unless
 from solved import INF, check
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, pipeline
+from sparsepop_py import Options, Status
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.pipeline import final_result, one_objective
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import INTERRUPTED
@@ -139,8 +139,7 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     honest, exploring = adaptive.update_incumbent, Interrupting(EXPLORE, 4)
     monkeypatch.setattr(adaptive, "update_incumbent", attained)
     monkeypatch.setattr(tree, "process_node", exploring)
-    solve = sys.modules["sparsepop_py.pipeline"]
-    monkeypatch.setattr(solve, "first_incumbent", lambda context, starts: (context, []))
+    monkeypatch.setattr(one_objective, "first_incumbent", lambda context, starts: (context, []))
     result = check(problem, sp.solve(problem, Options(effort="auto", skip=["obbt_lp"])))
     assert INTERRUPTED in result.notes
     assert found
@@ -206,7 +205,7 @@ def test_interrupts_while_the_result_is_made_lose_nothing(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """Of several objectives the others follow, too."""
-    original, calls = getattr(pipeline, name), []
+    original, calls = getattr(final_result, name), []
 
     def interrupted(*given):
         calls.append(name)
@@ -214,7 +213,7 @@ def test_interrupts_while_the_result_is_made_lose_nothing(
             raise KeyboardInterrupt
         return original(*given)
 
-    monkeypatch.setattr(pipeline, name, interrupted)
+    monkeypatch.setattr(final_result, name, interrupted)
     x, y = sp.variables(2)
     disc = sp.Problem(x, [x**2 + y**2 <= 1])
     found = sp.solve(disc)

@@ -11,8 +11,9 @@ import pytest
 from slow_values import slow_unless
 
 import sparsepop_py as sp
-from sparsepop_py import budget, pipeline
+from sparsepop_py import budget
 from sparsepop_py.budget import LimitReached
+from sparsepop_py.pipeline import final_result
 
 X, Y, Z = sp.variables(3)
 MOTZKIN = X**4 * Y**2 + X**2 * Y**4 - 3 * X**2 * Y**2 + 1
@@ -63,13 +64,13 @@ def solved(
         if name.startswith("sparsepop_py") and getattr(module, "check", None) is own:
             patch.setattr(module, "check", ends)
 
-    make = pipeline._result
+    make = final_result._made
 
     def made(*given: Any) -> sp.Result:
         ends.over = True  # what follows are the checks of all tests
         return make(*given)
 
-    patch.setattr(pipeline, "_result", made)
+    patch.setattr(final_result, "_made", made)
 
     def report(number: int, lower: float, upper: float) -> None:
         if ends.looks < ends.last and not ends.over:
