@@ -16,11 +16,8 @@ Examples
 'certified'
 """
 
-from setid.control.certificates.certificate import (
-    Condition,
-    StabilityCertificate,
-    stability_certificate,
-)
+from setid.control.certificates.certificate import StabilityCertificate, stability_certificate
+from setid.control.certificates.conditions import Condition
 from setid.control.classes import LTI, PID, Polynomials
 from setid.control.design import Design, Refuted, design
 from setid.control.loops import LoopMargins, LoopStep, loop_margins, loop_step

@@ -6,7 +6,6 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,6 +14,7 @@ import numpy as np
 from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
 from setid.control.certificates.characteristic import Characteristic
+from setid.control.certificates.conditions import Condition, exact_conditions
 from setid.control.certificates.refutation import unstable_plant
 from setid.control.certificates.small_gain import SmallGain
 from setid.control.engine import (
@@ -38,7 +38,7 @@ from setid.control.parameters.parameter_set import (
     tightened,
 )
 from setid.control.references import gain_of_one, with_unit_gain
-from setid.control.transfer import Transfer, as_transfer, is_schur
+from setid.control.transfer import Transfer, as_transfer
 from setid.data.checks import seconds_of
 from setid.data.digits import all_digits
 from sparsepop_py.budget import Deadline, LimitReached
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NOTHING",
-    "Condition",
     "Question",
     "StabilityCertificate",
     "plant_model",
@@ -70,28 +69,6 @@ _OPEN = (NOTHING, _STRONG, f"{_WITHOUT_MARGIN}; {_STRONG}", _NOT_STABLE)
 _UNPROVED = re.compile(
     r"no proof near [\d.e+-]*(, [\d.e+-]+)* rad a sample; a failing proof says nothing of the loop"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """One condition of a stability theorem, checked.
-
-    Parameters
-    ----------
-    name : str
-    holds : bool or None
-        None where it is neither proved nor refuted.
-    text : str
-        Why.
-    """
-
-    name: str
-    holds: bool | None
-    text: str
-
-    def __str__(self) -> str:
-        word = {True: "holds", False: "fails", None: "open"}[self.holds]
-        return f"{self.name}: {word}; {self.text}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -455,59 +432,10 @@ class Question:
     # ---- conditions ---------------------------------------------------------------------
 
     def exact_conditions(self) -> tuple[tuple[Condition, ...], Transfer | None]:
-        """Decide conditions in rationals; F = K (1 - M) takes the plant's integrator."""
+        """Decide conditions in rationals, and find F = K (1 - M), which the proof needs."""
         if self.method == "characteristic":
             return (), None
-        factor = (self.controller * (1 - self.reference)).reduced()
-        if self.integrators:
-            factor = Transfer(
-                factor.numerator, _over_integrator(factor.denominator), factor.Ts
-            ).reduced()
-        stable = self.reference.is_stable()
-        first = Condition(
-            "1 (the ideal controller stabilises the plant)",
-            None if stable else False,
-            "M is stable; that M contains the zeros of the plant outside the circle is not asked "
-            "for: 1 - Delta = (1 - M) (1 + K P) holds for every P"
-            if stable
-            else "M is not stable",
-        )
-        ones = self.controller.integrators, (1 - self.reference).reduced()
-        count = _zeros_at_one(ones[1])
-        cancelled = self._poles_cancel() and is_schur(factor.denominator)
-        second = Condition(
-            "2 (Delta is stable)",
-            None if cancelled else False,
-            f"at z = 1: {ones[0]} poles of K, {self.integrators} of P, {count} zeros of 1 - M"
-            + (
-                "; F = K (1 - M) is stable"
-                if cancelled
-                else "; F = K (1 - M) is not stable after exact cancellation"
-            ),
-        )
-        zero = stable and cancelled and not sum(factor.numerator)
-        rejected = zero and abs(_at_one(self.reference)) >= 1
-        third = Condition(
-            "3 (max abs(Delta) < 1)",
-            False if rejected else None,
-            "at z = 1 F is zero, so that Delta = M there for every plant, and abs(M) >= 1; one "
-            "more integrator of K changes that"
-            if rejected
-            else "not proved",
-        )
-        return (first, second, third), factor
-
-    def _poles_cancel(self) -> bool:
-        """Check that zeros of 1 - M cancel all unstable poles of K.
-
-        A zero of K at z = 1 must not stand in for one of 1 - M: it would hide the plant's
-        integrator from Delta, but not from the loop.
-        """
-        open_loop = (1 - self.reference).reduced().numerator
-        poles = list(self.controller.denominator)
-        for _ in range(self.integrators):
-            poles = _over_integrator(poles)
-        return is_schur(Transfer(open_loop, poles).reduced().denominator)
+        return exact_conditions(self.controller, self.reference, self.integrators)
 
     def _judged(self, conditions: tuple[Condition, ...], outcome: Outcome) -> tuple[Condition, ...]:
         if self.method == "characteristic":
@@ -645,25 +573,3 @@ class Question:
         if self.method == "small_gain":
             texts.append("method='characteristic': it asks for less than small gain")
         return tuple(texts)
-
-
-def _over_integrator(denominator: Sequence[Fraction]) -> list[Fraction]:
-    found = [*denominator, Fraction(0)]
-    return [a - b for a, b in zip(found, [Fraction(0), *denominator], strict=True)]
-
-
-def _at_one(system: Transfer) -> Fraction:
-    """Gain at z = 1 of a stable system."""
-    return sum(system.numerator, Fraction(0)) / sum(system.denominator, Fraction(0))
-
-
-def _zeros_at_one(system: Transfer) -> int:
-    """Number of zeros at exactly z = 1."""
-    if not any(system.numerator):
-        return 0
-    return Transfer(system.denominator, _shifted(system.numerator), system.Ts).integrators
-
-
-def _shifted(polynomial: Sequence[Fraction]) -> list[Fraction]:
-    first = next(i for i, c in enumerate(polynomial) if c)
-    return list(polynomial[first:])

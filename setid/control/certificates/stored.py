@@ -11,12 +11,8 @@ import numpy as np
 
 from setid.control.certificates.arcs import Ceiling
 from setid.control.certificates.cells import prove_over_cells
-from setid.control.certificates.certificate import (
-    NOTHING,
-    Condition,
-    Question,
-    StabilityCertificate,
-)
+from setid.control.certificates.certificate import NOTHING, Question, StabilityCertificate
+from setid.control.certificates.conditions import Condition
 from setid.control.certificates.refutation import proves_instability
 from setid.control.engine import (
     Box,
