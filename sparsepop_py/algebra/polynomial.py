@@ -297,7 +297,7 @@ class Polynomial:
         """
         words, values = _checked_terms(words, coefficients, dimension)
         labels = _checked_labels(names, int(dimension))
-        return Polynomial._summed(words, values, int(dimension), labels)
+        return Polynomial._merged(words, values, int(dimension), labels)
 
     @staticmethod
     def _merged(
@@ -306,12 +306,16 @@ class Polynomial:
         dimension: int,
         names: tuple[str, ...] | None = None,
     ) -> Polynomial:
-        """As :meth:`from_words`, without a check of the words, and with rounded sums."""
+        """As :meth:`from_words`, without a check of the words; sums are rounded once."""
         if not np.all(np.isfinite(coefficients)):
             bad = coefficients[~np.isfinite(coefficients)][0]
             raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
         words = monomials.trim(words)
         unique, where = monomials.collect(words, dimension)
+        if unique.shape[0] < words.shape[0]:
+            if not exact_terms.held(*exact_terms.grid_of(coefficients)):
+                terms = ExactTerms.of_doubles(words, coefficients)
+                return Polynomial._of_exact(ExactTerms.added([terms], dimension), dimension, names)
         return Polynomial._added(unique, where, coefficients, dimension, names)
 
     @staticmethod
@@ -322,13 +326,12 @@ class Polynomial:
         dimension: int,
         names: tuple[str, ...] | None,
     ) -> Polynomial:
-        """Add up the coefficients of equal monomials in doubles."""
+        """Add up the coefficients of equal monomials where doubles hold all sums."""
         sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
-        keep = sums != 0.0
-        if not np.all(np.isfinite(sums)):
-            raise ProblemError("coefficients: a sum of equal monomials overflows")
-        unique = monomials.trim(unique[keep])
-        return Polynomial._of_sorted(unique, sums[keep], dimension, names)
+        if np.count_nonzero(sums) < sums.size:
+            keep = sums != 0.0
+            unique, sums = monomials.trim(unique[keep]), sums[keep]
+        return Polynomial._of_sorted(unique, sums, dimension, names)
 
     @staticmethod
     def _on_grid_merged(
@@ -338,29 +341,9 @@ class Polynomial:
         names: tuple[str, ...] | None,
         grid: Grid,
     ) -> Polynomial:
-        """As :meth:`_merged`, of numbers on a grid that doubles hold: all sums are exact."""
+        """As :meth:`_merged`, of finite numbers on a grid whose sums doubles hold."""
         unique, where = monomials.collect(monomials.trim(words), dimension)
-        sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
-        if np.count_nonzero(sums) < sums.size:
-            keep = sums != 0.0
-            unique, sums = monomials.trim(unique[keep]), sums[keep]
-        return Polynomial._of_sorted(unique, sums, dimension, names)._on(grid)
-
-    @staticmethod
-    def _summed(
-        words: Words,
-        coefficients: NDArray[np.float64],
-        dimension: int,
-        names: tuple[str, ...] | None = None,
-    ) -> Polynomial:
-        """As :meth:`_merged`, with exact sums of equal monomials."""
-        words = monomials.trim(words)
-        unique, where = monomials.collect(words, dimension)
-        if unique.shape[0] < words.shape[0] and np.all(np.isfinite(coefficients)):
-            if not exact_terms.held(*exact_terms.grid_of(coefficients)):
-                terms = ExactTerms.of_doubles(words, coefficients)
-                return Polynomial._of_exact(ExactTerms.added([terms], dimension), dimension, names)
-        return Polynomial._merged(words, coefficients, dimension, names)
+        return Polynomial._added(unique, where, coefficients, dimension, names)._on(grid)
 
     @staticmethod
     def _of_exact(
@@ -507,7 +490,7 @@ class Polynomial:
         if names is not None:
             _check_names(names, int(matrix.shape[1]))
         words = monomials.from_exponents(matrix)
-        return Polynomial._summed(
+        return Polynomial._merged(
             words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
         )
 
@@ -955,7 +938,7 @@ def _sum_of(parts: list[Polynomial], dimension: int, names: tuple[str, ...] | No
         grid = min(step for step, _ in grids), sum(size for _, size in grids)
         if exact_terms.held(*grid):
             return Polynomial._on_grid_merged(words, values, dimension, names, grid)
-        return Polynomial._summed(words, values, dimension, names)
+        return Polynomial._merged(words, values, dimension, names)
     exact = [part.exact for part in parts if part.exact is not None]
     terms = ExactTerms.added([ExactTerms.of_doubles(words, values), *exact], dimension)
     return Polynomial._of_exact(terms, dimension, names)
