@@ -361,10 +361,9 @@ def _normalised_times(damping: float) -> tuple[float, float]:
 def complex_numbers(given: Any) -> list[complex]:
     """Check finite complex numbers, or one of them, and list them; others raise."""
     single = isinstance(given, (complex, float, int, np.number)) and not isinstance(given, bool)
+    values = [given] if single else entries_of(given, "zeros", "complex numbers", ModelError)
     found = []
-    for place, value in enumerate([given] if single else entries_of(
-        given, "zeros", "complex numbers", ModelError
-    )):  # fmt: skip
+    for place, value in enumerate(values):
         known = isinstance(value, (complex, float, int, np.number)) and not isinstance(value, bool)
         try:
             number_ = complex(value) if known else complex("nan")

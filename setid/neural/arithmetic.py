@@ -337,8 +337,10 @@ def linearise(name: str, x: Interval, leak: float = 0.0) -> tuple[Reals, Reals, 
         slope = np.where(x.lo >= 0, 1.0, np.where(x.hi <= 0, ends[1], slope))
     line = Interval.point(slope)
     zero = np.clip(0.0, x.lo, x.hi)
-    values = [enclose(name, Interval.point(a), leak) - line * Interval.point(a)
-              for a in (x.lo, x.hi, zero)]  # fmt: skip
+    values = [
+        enclose(name, Interval.point(a), leak) - line * Interval.point(a)
+        for a in (x.lo, x.hi, zero)
+    ]
     least = np.min([v.lo for v in values], axis=0)
     most = np.max([v.hi for v in values], axis=0)
     if name in _SMOOTH:

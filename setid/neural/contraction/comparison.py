@@ -205,8 +205,9 @@ def _elman_entries(net: Elman) -> Comparison:
         fed = _times(slope, _product(np.abs(w), fed[:, None])[:, 0])
         matrix[part], drive[part] = below, fed
         begin += b.size
-    return Comparison("Elman: absolute values entry by entry", "entries", matrix, drive,
-                      np.ones(states))  # fmt: skip
+    return Comparison(
+        "Elman: absolute values entry by entry", "entries", matrix, drive, np.ones(states)
+    )
 
 
 def _product(left: Reals, right: Reals) -> Reals:
@@ -265,9 +266,7 @@ def _shifted(net: RegressorNetwork) -> Comparison:
     )
 
 
-def _arguments(
-    gate: tuple[Reals, Reals, Reals], inputs: Interval, reach: Reals
-) -> Interval:  # fmt: skip
+def _arguments(gate: tuple[Reals, Reals, Reals], inputs: Interval, reach: Reals) -> Interval:
     """Range of W u + U h + b over the inputs and abs(h) <= reach."""
     w, v, b = gate
     fed = matmul(Interval.point(w), inputs[:, None])[:, 0]

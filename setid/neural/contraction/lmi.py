@@ -202,9 +202,14 @@ def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
     slack = cp.Variable()
     problem = cp.Problem(
         cp.Maximize(slack),
-        [total >> slack * np.eye(n + m), P >> slack * np.eye(n), cp.trace(P) <= n,
-         scale <= 1e3 * n, slack <= 1],
-    )  # fmt: skip
+        [
+            total >> slack * np.eye(n + m),
+            P >> slack * np.eye(n),
+            cp.trace(P) <= n,
+            scale <= 1e3 * n,
+            slack <= 1,
+        ],
+    )
     try:
         with warnings.catch_warnings():  # of inaccurate solutions: what it proposes is verified
             warnings.simplefilter("ignore")

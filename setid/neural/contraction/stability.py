@@ -129,9 +129,13 @@ class Stability:
         return condition
 
     def distance(
-        self, steps: int, initial: float, inputs: float = 0.0, errors: float = 0.0,
+        self,
+        steps: int,
+        initial: float,
+        inputs: float = 0.0,
+        errors: float = 0.0,
         condition: Condition | None = None,
-    ) -> Reals:  # fmt: skip
+    ) -> Reals:
         """Bound the distance of the states of two simulations for each step.
 
         Parameters

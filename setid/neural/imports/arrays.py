@@ -50,11 +50,14 @@ def from_arrays(
         count = sum(name.startswith("W") for name in held)
         for name in (f"{letter}{i + 1}" for i in range(max(count, 1)) for letter in "Wb"):
             if name not in held:
-                raise ModelError(f"{os.fspath(weights)}: found no array {name}, expected W1, "
-                                 "b1, W2, ...")  # fmt: skip
+                raise ModelError(
+                    f"{os.fspath(weights)}: found no array {name}, expected W1, b1, W2, ..."
+                )
         if len(held) > 2 * count:
-            raise ModelError(f"{os.fspath(weights)}: found the arrays {', '.join(sorted(held))}, "
-                             f"expected W1, b1 to W{count}, b{count} alone")  # fmt: skip
+            raise ModelError(
+                f"{os.fspath(weights)}: found the arrays {', '.join(sorted(held))}, "
+                f"expected W1, b1 to W{count}, b{count} alone"
+            )
         return Network(
             [held[f"W{i + 1}"] for i in range(count)],
             [held[f"b{i + 1}"] for i in range(count)],

@@ -20,8 +20,14 @@ from setid.neural.models.network import Network
 
 __all__ = ["from_equinox"]
 
-_ACTIVATIONS = {"tanh": "tanh", "sigmoid": "sigmoid", "relu": "relu", "leaky_relu": "leaky_relu",
-              "_identity": "identity", "identity": "identity"}  # fmt: skip
+_ACTIVATIONS = {
+    "tanh": "tanh",
+    "sigmoid": "sigmoid",
+    "relu": "relu",
+    "leaky_relu": "leaky_relu",
+    "_identity": "identity",
+    "identity": "identity",
+}
 
 
 def from_equinox(
@@ -55,8 +61,9 @@ def from_equinox(
     parts = {"Linear": ("weight", "bias"), "MLP": ("layers", "activation", "final_activation")}
     missing = [name for name in parts.get(kind, ()) if not hasattr(source, name)]
     if missing:
-        raise ModelError(f"source: found {kind} without {', '.join(missing)}, expected a module of "
-                         "equinox")  # fmt: skip
+        raise ModelError(
+            f"source: found {kind} without {', '.join(missing)}, expected a module of equinox"
+        )
     if kind in ("Linear", "MLP"):
         refuse_beside(output, "output", f"{kind}, which is no recurrent cell")
     if kind == "MLP":

@@ -43,8 +43,10 @@ def from_jax_sysid(
     """
     missing = [name for name in ("params", "nx", "nu", "ny") if not hasattr(source, name)]
     if missing:
-        raise ModelError(f"source: found {type(source).__name__} without {', '.join(missing)}, "
-                         "expected a model of jax-sysid")  # fmt: skip
+        raise ModelError(
+            f"source: found {type(source).__name__} without {', '.join(missing)}, "
+            "expected a model of jax-sysid"
+        )
     listed = entries_of(source.params, "source.params", "a list of arrays", ModelError)
     params = [array_of(p, f"source.params[{i}]") for i, p in enumerate(listed)]
     nx, nu, ny = (
@@ -54,8 +56,10 @@ def from_jax_sysid(
         return _linear_model(params, nx, nu, ny, bool(source.y_in_x))
     split = getattr(source, "nthx", None)
     if split is None:
-        raise ModelError(f"source: found {type(source).__name__} with its own functions, expected "
-                         "RNN or LinearModel; build NeuralStateSpace from its arrays")  # fmt: skip
+        raise ModelError(
+            f"source: found {type(source).__name__} with its own functions, expected "
+            "RNN or LinearModel; build NeuralStateSpace from its arrays"
+        )
     transition = _flax(params[:split], nx, nu, nx, activation, order)
     if source.y_in_x:
         shown = np.hstack([np.zeros((ny, nu)), np.eye(ny, nx)])
@@ -67,8 +71,10 @@ def _linear_model(params: list[Reals], nx: int, nu: int, ny: int, shown: bool) -
     usual = [np.zeros((nx, nx)), np.zeros((nx, nu)), np.eye(ny, nx), np.zeros((ny, nu))]
     given = [*params, *usual[len(params) :]] if 2 <= len(params) <= 4 else []
     if [p.shape for p in given] != [p.shape for p in usual]:
-        raise ModelError(f"source.params: found the shapes {[p.shape for p in params]}, expected "
-                         f"A, B, C and D of {nx} states, {nu} inputs and {ny} outputs")  # fmt: skip
+        raise ModelError(
+            f"source.params: found the shapes {[p.shape for p in params]}, expected "
+            f"A, B, C and D of {nx} states, {nu} inputs and {ny} outputs"
+        )
     a, b, c, d = given
     c = usual[2] if shown else c
     return NeuralStateSpace(

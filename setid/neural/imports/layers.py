@@ -97,8 +97,10 @@ def output_layer(given: Any) -> Any:
     if isinstance(given, Mapping):
         state = arrays_of(given, "output")
         if "weight" not in state or not state["weight"].ndim:
-            raise ModelError(f"output: found arrays {', '.join(state) or 'none'}, expected weight "
-                             "and bias of a linear layer")  # fmt: skip
+            raise ModelError(
+                f"output: found arrays {', '.join(state) or 'none'}, expected weight "
+                "and bias of a linear layer"
+            )
         check_used(state, {"weight", "bias"}, "output")
         return state["weight"], state.get("bias", np.zeros(len(state["weight"])))
     if hasattr(given, "weight"):
@@ -118,24 +120,29 @@ def refuse_hooks(module: Any, field: str) -> None:
     """
     for name in ("_forward_hooks", "_forward_pre_hooks"):
         if getattr(module, name, None):
-            raise ModelError(f"{field}: found a {type(module).__name__} with forward hooks, as of "
-                             "weight_norm, spectral_norm or pruning, expected none: make the "
-                             "weights permanent (remove_weight_norm, prune.remove)")  # fmt: skip
+            raise ModelError(
+                f"{field}: found a {type(module).__name__} with forward hooks, as of "
+                "weight_norm, spectral_norm or pruning, expected none: make the "
+                "weights permanent (remove_weight_norm, prune.remove)"
+            )
 
 
 def check_used(state: dict[str, Reals], names: set[str], field: str = "source") -> None:
     """Refuse arrays that belong to no known layer: without them the network would be another."""
     rest = sorted(set(state) - names)
     if rest:
-        raise ModelError(f"{field}: found {', '.join(rest):.200} beside known layers, expected the "
-                         "arrays of linear layers alone, or of RNN, LSTM or GRU alone")  # fmt: skip
+        raise ModelError(
+            f"{field}: found {', '.join(rest):.200} beside known layers, expected the "
+            "arrays of linear layers alone, or of RNN, LSTM or GRU alone"
+        )
 
 
 def one_slope(leaks: list[float]) -> float:
     """Take the slope of the leaky ReLUs of a network, which all have the same."""
     if len(set(leaks)) > 1:
-        raise ModelError(f"source: found leaky ReLUs of the slopes {sorted(set(leaks))}, expected "
-                         "one slope")  # fmt: skip
+        raise ModelError(
+            f"source: found leaky ReLUs of the slopes {sorted(set(leaks))}, expected one slope"
+        )
     return leaks[0] if leaks else LEAK
 
 
@@ -145,8 +152,10 @@ def gated(
     """Make a network of gates stacked as (i, f, g, o) of LSTM or (r, z, n) of GRU."""
     rows = [np.shape(a)[0] if np.ndim(a) else 0 for a in (fed, back, inner, outer)]
     if len(set(rows)) > 1 or not rows[0] or rows[0] % count:
-        raise ModelError(f"source: found weights and biases with {rows} rows, expected equal "
-                         f"multiples of {count} gates")  # fmt: skip
+        raise ModelError(
+            f"source: found weights and biases with {rows} rows, expected equal "
+            f"multiples of {count} gates"
+        )
     split = [np.split(a, count) for a in (fed, back, inner, outer)]
     gate = [(w, v, a + b) for w, v, a, b in zip(*split, strict=True)]
     if count == 4:

@@ -52,16 +52,19 @@ def from_onnx(path: Path) -> Network:
         label = f"node {place + 1} ({node.name or node.op_type})"
         unknown = [name for name in node.input if name and name not in numbers]
         if unknown != [flow]:
-            raise ModelError(f"{label}: found the inputs {', '.join(unknown) or 'none'}, expected "
-                             f"{flow} and constants: a chain of layers")  # fmt: skip
+            raise ModelError(
+                f"{label}: found the inputs {', '.join(unknown) or 'none'}, expected "
+                f"{flow} and constants: a chain of layers"
+            )
         given = [numbers[name] for name in node.input if name in numbers]
         attributes = {a.name: onnx.helper.get_attribute_value(a) for a in node.attribute}
         chain.add(node, given, attributes, label, first=node.input[0] == flow)
         flow = node.output[0]
     shown = [item.name for item in graph.output]
     if shown != [flow]:
-        raise ModelError(f"output: found {', '.join(shown) or 'none'}, expected {flow}, the end of "
-                         "the chain")  # fmt: skip
+        raise ModelError(
+            f"output: found {', '.join(shown) or 'none'}, expected {flow}, the end of the chain"
+        )
     return Network(chain.weights, chain.biases, chain.names, one_slope(chain.leaks))
 
 
@@ -74,8 +77,9 @@ def _graph(path: Path) -> tuple[Any, Any]:
     with reading(path, "an ONNX file", damaged):
         graph = onnx.load(os.fspath(path), load_external_data=False).graph
     if not graph.input:
-        raise ModelError(f"{os.fspath(path)}: found a graph without inputs, expected a chain of "
-                         "layers")  # fmt: skip
+        raise ModelError(
+            f"{os.fspath(path)}: found a graph without inputs, expected a chain of layers"
+        )
     return onnx, graph
 
 
@@ -112,8 +116,10 @@ class _Chain:
         kind = node.op_type
         name = f"{node.domain} {kind}".strip()
         if node.domain not in ("", "ai.onnx") or kind not in (*_ATTRIBUTES, *_ACTIVATIONS):
-            raise ModelError(f"{label}: found the ONNX operator {name}, expected "
-                             f"{', '.join((*_ATTRIBUTES, *_ACTIVATIONS))}")  # fmt: skip
+            raise ModelError(
+                f"{label}: found the ONNX operator {name}, expected "
+                f"{', '.join((*_ATTRIBUTES, *_ACTIVATIONS))}"
+            )
         other = sorted(set(attributes) - _ATTRIBUTES.get(kind, {"alpha"}))
         if other:
             raise ModelError(f"{label}: found the attribute {other[0]} of {kind}, expected none")
@@ -122,8 +128,10 @@ class _Chain:
         elif kind == "Identity":
             return
         elif not self.weights or self.names[-1] != "identity":
-            raise ModelError(f"{label}: found {kind} behind no Gemm, MatMul or Add, expected one "
-                             "activation behind each layer")  # fmt: skip
+            raise ModelError(
+                f"{label}: found {kind} behind no Gemm, MatMul or Add, expected one "
+                "activation behind each layer"
+            )
         elif kind == "Add":
             if len(given) != 1:
                 raise ModelError(f"{label}: found {len(given)} constants, expected one")
@@ -148,8 +156,10 @@ class _Chain:
         samples = "rows" if first else "columns"  # W x has samples as columns
         if kind == "Gemm" or self._samples != "one":
             if self._samples not in ("", samples):
-                raise ModelError(f"{label}: found samples as {samples} behind layers that take "
-                                 f"{self._samples}, expected all layers alike")  # fmt: skip
+                raise ModelError(
+                    f"{label}: found samples as {samples} behind layers that take "
+                    f"{self._samples}, expected all layers alike"
+                )
             self._samples = samples
         weight = given[0] if not first or attributes.get("transB", 0) else given[0].T
         self.weights.append(weight)

@@ -32,8 +32,13 @@ from setid.neural.training.shooting import optional
 
 __all__ = ["from_torch"]
 
-_ACTIVATIONS = {"Tanh": "tanh", "Sigmoid": "sigmoid", "ReLU": "relu", "LeakyReLU": "leaky_relu",
-          "Identity": "identity"}  # fmt: skip
+_ACTIVATIONS = {
+    "Tanh": "tanh",
+    "Sigmoid": "sigmoid",
+    "ReLU": "relu",
+    "LeakyReLU": "leaky_relu",
+    "Identity": "identity",
+}
 
 
 def from_torch(
@@ -85,8 +90,9 @@ def from_torch(
         refuse_beside(output, "output", f"a {kind}, which is no recurrent network")
         return _from_sequence([source] if kind == "Linear" else list(source))
     if kind not in ("RNN", "LSTM", "GRU"):
-        raise ModelError(f"source: found a torch module {kind}, expected Linear, Sequential, RNN, "
-                         "LSTM or GRU")  # fmt: skip
+        raise ModelError(
+            f"source: found a torch module {kind}, expected Linear, Sequential, RNN, LSTM or GRU"
+        )
     if getattr(source, "bidirectional", False) or getattr(source, "proj_size", 0):
         raise ModelError(f"source: found a bidirectional or projected {kind}, expected neither")
     name = getattr(source, "nonlinearity", "tanh")
@@ -110,8 +116,10 @@ def _from_sequence(modules: list[Any]) -> Network:
             if kind == "LeakyReLU":
                 leaks.append(float(getattr(module, "negative_slope", LEAK)))
         elif kind not in ("Identity", "Dropout"):
-            raise ModelError(f"source[{place}]: found a torch module {kind}, expected Linear "
-                             f"followed by one of {', '.join(_ACTIVATIONS)}")  # fmt: skip
+            raise ModelError(
+                f"source[{place}]: found a torch module {kind}, expected Linear "
+                f"followed by one of {', '.join(_ACTIVATIONS)}"
+            )
     return Network(weights, biases, names, one_slope(leaks))
 
 
@@ -122,12 +130,15 @@ def _from_state(state: dict[str, Reals], activation: str | Sequence[str], output
     keys = [key[: -len("weight")] for key in state if key.endswith("weight")]
     matrices = [state[f"{key}weight"] for key in keys]
     if not keys or any(matrix.ndim != 2 for matrix in matrices):
-        raise ModelError(f"source: found arrays {', '.join(state) or 'none'}, expected those of "
-                         "linear layers or of RNN, LSTM or GRU")  # fmt: skip
+        raise ModelError(
+            f"source: found arrays {', '.join(state) or 'none'}, expected those of "
+            "linear layers or of RNN, LSTM or GRU"
+        )
     check_used(state, {f"{key}{part}" for key in keys for part in ("weight", "bias")})
     _ascending(keys)
-    biases = [state.get(f"{key}bias", np.zeros(len(m)))
-              for key, m in zip(keys, matrices, strict=True)]  # fmt: skip
+    biases = [
+        state.get(f"{key}bias", np.zeros(len(m))) for key, m in zip(keys, matrices, strict=True)
+    ]
     return Network(matrices, biases, activation, LEAK)
 
 
@@ -138,16 +149,22 @@ def _ascending(keys: list[str]) -> None:
         numbers = [int(digits) for digits in re.findall("[0-9]+", key)]
         stem = re.sub("[0-9]+", "#", key)
         if numbers < last.get(stem, numbers):
-            raise ModelError(f"source: found the layers {', '.join(keys):.200} in this order, "
-                             "expected ascending numbers, the order in which layers are "
-                             "applied")  # fmt: skip
+            raise ModelError(
+                f"source: found the layers {', '.join(keys):.200} in this order, "
+                "expected ascending numbers, the order in which layers are "
+                "applied"
+            )
         last[stem] = numbers
 
 
 def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
     layers = next(i for i in range(len(state) + 1) if f"weight_ih_l{i}" not in state)
-    names = [f"{part}_{way}_l{i}" for i in range(layers) for part in ("weight", "bias")
-             for way in ("ih", "hh")]  # fmt: skip
+    names = [
+        f"{part}_{way}_l{i}"
+        for i in range(layers)
+        for part in ("weight", "bias")
+        for way in ("ih", "hh")
+    ]
     check_used(state, set(names))
     parts = []
     for i in range(layers):
@@ -156,8 +173,9 @@ def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output:
                 raise ModelError(f"source: found no matrix {name}, expected one")
         fed, back = state[f"weight_ih_l{i}"], state[f"weight_hh_l{i}"]
         zero = np.zeros(len(fed))
-        parts.append((fed, back, state.get(f"bias_ih_l{i}", zero),
-                      state.get(f"bias_hh_l{i}", zero)))  # fmt: skip
+        parts.append(
+            (fed, back, state.get(f"bias_ih_l{i}", zero), state.get(f"bias_hh_l{i}", zero))
+        )
     fed, back, inner, outer = parts[0]
     count = len(back) // back.shape[1]
     if count == 1:
@@ -166,16 +184,19 @@ def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output:
     if layers > 1:
         raise ModelError(f"source: found {layers} gated layers, expected one")
     if _one_name(activation) != "tanh":
-        raise ModelError(f"activation: found {activation!r:.60}, expected tanh, that of gated "
-                         "layers")  # fmt: skip
+        raise ModelError(
+            f"activation: found {activation!r:.60}, expected tanh, that of gated layers"
+        )
     return gated(fed, back, inner, outer, count, output)
 
 
 def _sum(inner: Reals, outer: Reals) -> Reals:
     """The bias of a recurrent layer, of which libraries keep two."""
     if inner.shape != outer.shape:
-        raise ModelError(f"source: found biases of the shapes {inner.shape} and {outer.shape}, "
-                         "expected equal ones")  # fmt: skip
+        raise ModelError(
+            f"source: found biases of the shapes {inner.shape} and {outer.shape}, "
+            "expected equal ones"
+        )
     return inner + outer
 
 
@@ -184,6 +205,7 @@ def _one_name(activation: str | Sequence[str]) -> str:
     listed = entries_of(activation, "activation", "a name", ModelError)
     names = {activation} if isinstance(activation, str) else set(map(str, listed))
     if len(names) != 1:
-        raise ModelError(f"activation: found {activation!r:.60}, expected one for all recurrent "
-                         "layers")  # fmt: skip
+        raise ModelError(
+            f"activation: found {activation!r:.60}, expected one for all recurrent layers"
+        )
     return str(names.pop())

@@ -132,8 +132,9 @@ def equation_error(net: RegressorNetwork, data: IOData) -> EquationError:
     value = net.network.enclose(Interval.point(phi))
     rest = Interval.point(data.y[row]) - value
     most = rest.magnitude().max(axis=0)
-    near = np.where((rest.lo <= 0) & (rest.hi >= 0), 0.0,
-                    np.minimum(np.abs(rest.lo), np.abs(rest.hi)))  # fmt: skip
+    near = np.where(
+        (rest.lo <= 0) & (rest.hi >= 0), 0.0, np.minimum(np.abs(rest.lo), np.abs(rest.hi))
+    )
     low, high = np.full((2, data.samples, net.outputs), np.nan)
     low[row], high[row] = value.lo, value.hi
     status = Status.PROVED if np.all(np.isfinite(most)) else Status.OPEN

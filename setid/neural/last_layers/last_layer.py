@@ -610,9 +610,7 @@ def _band(result: LastLayer, data: IOData, known: tuple[Reals, ...] | None) -> L
         low[row, k], high[row, k] = ends[: row.size], -ends[row.size :]
         duals.append(dual)
     error = up(output + equation)
-    return LayerBand(
-        result, data, low, high, -up(-low + error), up(high + error), tuple(duals)
-    )  # fmt: skip
+    return LayerBand(result, data, low, high, -up(-low + error), up(high + error), tuple(duals))
 
 
 def _box_ends(costs: Interval, box: Interval) -> Reals:

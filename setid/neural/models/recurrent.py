@@ -338,8 +338,12 @@ class LSTM(StateNetwork):
         candidate: Sequence[ArrayLike],
         output: Any = None,
     ) -> None:
-        named = {"forget": forget, "input": input, "output_gate": output_gate,
-                 "candidate": candidate}  # fmt: skip
+        named = {
+            "forget": forget,
+            "input": input,
+            "output_gate": output_gate,
+            "candidate": candidate,
+        }
         gates = _gates(named)
         object.__setattr__(self, "gates", gates)
         object.__setattr__(self, "output", _readout(output, gates[0][2].size))

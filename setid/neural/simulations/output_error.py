@@ -288,8 +288,10 @@ class _Search(BestFirst[Interval]):
         try:
             self._try(self.x0)
             self.add(self.box)
-            while (len(self.known) < most
-                   and self.guess - self.bound > 0.9 * self.tolerance * self.guess):  # fmt: skip
+            while (
+                len(self.known) < most
+                and self.guess - self.bound > 0.9 * self.tolerance * self.guess
+            ):
                 self.branch()
         except KeyboardInterrupt:
             if not self.known:
@@ -299,9 +301,18 @@ class _Search(BestFirst[Interval]):
         closed = _closed(lower, upper, self.tolerance)
         status = Status.PROVED if closed else Status.PARTIAL
         return OutputError(
-            self.net, self.data, self.box, status, lower, upper, self.x0, self.tolerance,
-            self.horizon, self.tree(), len(self.known),
-        )  # fmt: skip
+            self.net,
+            self.data,
+            self.box,
+            status,
+            lower,
+            upper,
+            self.x0,
+            self.tolerance,
+            self.horizon,
+            self.tree(),
+            len(self.known),
+        )
 
     def parts(self, part: Interval, split: int) -> tuple[Interval, Interval]:
         """Bisect a box along an entry of the state."""

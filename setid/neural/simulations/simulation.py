@@ -153,8 +153,9 @@ def initial_box(net: Model, data: IOData, x0: Any) -> Interval:
     if values.size == net.states:
         values = np.repeat(values.reshape(-1, 1), 2, axis=1)
     if values.shape != (net.states, 2):
-        raise ModelError(f"x0: found shape {values.shape}, expected ({net.states},) or "
-                         f"({net.states}, 2)")  # fmt: skip
+        raise ModelError(
+            f"x0: found shape {values.shape}, expected ({net.states},) or ({net.states}, 2)"
+        )
     if not np.all(values[:, 0] <= values[:, 1]):
         raise ModelError("x0: found a lower end above the upper one, expected (low, high)")
     return Interval(values[:, 0].copy(), values[:, 1].copy())
@@ -273,8 +274,11 @@ def _lstm_step(net: LSTM, x: Form, u: Reals) -> tuple[Form, Form]:
     cell = _sum(product(f, c), product(i, g))
     cell = clip(cell, f.range() * c.range() + i.range() * g.range()).promoted()
     o, shown = join(o, cell).rows(slice(0, n)), activation("tanh", cell).promoted()
-    h = clip(product(o, shown), enclose("sigmoid", argument.rows(slice(2 * n, 3 * n)).range())
-             * enclose("tanh", cell.range()))  # fmt: skip
+    h = clip(
+        product(o, shown),
+        enclose("sigmoid", argument.rows(slice(2 * n, 3 * n)).range())
+        * enclose("tanh", cell.range()),
+    )
     return join(h, cell), network_output(net.output, h)
 
 

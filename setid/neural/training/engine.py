@@ -68,9 +68,15 @@ class TrainingProblem:
 
 
 def training_problem(
-    phi: Reals, y: Reals, signs: Sequence[float], leak: float, weights: float, offset: float,
-    cap: float, until: float = np.inf,
-) -> TrainingProblem | None:  # fmt: skip
+    phi: Reals,
+    y: Reals,
+    signs: Sequence[float],
+    leak: float,
+    weights: float,
+    offset: float,
+    cap: float,
+    until: float = np.inf,
+) -> TrainingProblem | None:
     """State the training of one hidden layer as a polynomial problem.
 
     Parameters

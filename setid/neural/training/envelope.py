@@ -131,9 +131,7 @@ def envelope(
         raise ModelError(f"low, high: found {low!r}, {high!r}, expected finite low < high")
     breaks = np.linspace(low, high, pieces + 1)
     centres = 0.5 * (breaks[:-1] + breaks[1:])
-    rows = [
-        _fit(name, breaks[i : i + 2], centres[i], degree) for i in range(pieces)
-    ]  # fmt: skip
+    rows = [_fit(name, breaks[i : i + 2], centres[i], degree) for i in range(pieces)]
     eps = max(_distance(name, breaks[i : i + 2], centres[i], c, cells) for i, c in enumerate(rows))
     return Envelope(name, breaks, centres, np.array(rows), eps, cells)
 

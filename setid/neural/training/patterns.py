@@ -81,11 +81,9 @@ class Patterns:
         plus, minus = _reached(phi, box, k)
         pairs = count * k
         eye = sps.identity(pairs, format="csr")
-        own = sps.csr_array(np.hstack([
-            np.kron(np.ones((count, 1)), np.eye(k))[:, :, None].repeat(d, 2).reshape(pairs, k * d)
-            * np.tile(np.repeat(phi, k, axis=0), k),
-            np.kron(np.ones((count, 1)), np.eye(k)), np.zeros((pairs, 2)),
-        ]))  # fmt: skip
+        neuron = np.kron(np.ones((count, 1)), np.eye(k))  # of each pair, as (pairs, k)
+        weighted = neuron.repeat(d, axis=1) * np.tile(np.repeat(phi, k, axis=0), k)
+        own = sps.csr_array(np.hstack([weighted, neuron, np.zeros((pairs, 2))]))
         arguments = sps.hstack([own, -eye, eye])
         add = sps.csr_array(sps.kron(sps.identity(count), signs[None, :]))
         offset = np.zeros((count, size))
@@ -98,10 +96,12 @@ class Patterns:
         order = _ordering(signs, d, size + 2 * pairs)
         matrix = sps.csr_array(sps.vstack([arguments, output, below, triangle, order]))
         zero, free = np.zeros(pairs), np.inf
-        low = np.concatenate([zero, y, np.full(count, -free), np.full(pairs, -free),
-                              np.zeros(order.shape[0])])  # fmt: skip
-        high = np.concatenate([zero, np.full(count, free), y, up(plus * minus),
-                               np.full(order.shape[0], free)])  # fmt: skip
+        low = np.concatenate(
+            [zero, y, np.full(count, -free), np.full(pairs, -free), np.zeros(order.shape[0])]
+        )
+        high = np.concatenate(
+            [zero, np.full(count, free), y, up(plus * minus), np.full(order.shape[0], free)]
+        )
         columns = (
             np.concatenate([box[0], np.zeros(1 + 2 * pairs)]),
             np.concatenate([box[1], [cap], plus, minus]),

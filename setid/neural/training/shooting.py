@@ -94,8 +94,13 @@ def _activation(ca: Any, name: str, x: Any, leak: float) -> Any:
 
 
 def _solve(ca: Any, problem: dict[str, Any], guess: Reals, max_steps: int) -> Reals:
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes",
-               "ipopt.max_iter": int(max_steps), "ipopt.linear_solver": "mumps"}  # fmt: skip
+    options = {
+        "ipopt.print_level": 0,
+        "print_time": False,
+        "ipopt.sb": "yes",
+        "ipopt.max_iter": int(max_steps),
+        "ipopt.linear_solver": "mumps",
+    }
     solver = ca.nlpsol("train", "ipopt", problem, options)
     return np.asarray(solver(x0=guess, lbg=0.0, ubg=0.0)["x"]).ravel()
 
@@ -192,8 +197,12 @@ def by_jax_sysid(net: Model, data: IOData, x0: ArrayLike | None, max_steps: int)
         state_fcn=lambda x, u, params: evaluate(parts[0], params[: sizes[0]], x, u),
         output_fcn=lambda x, u, params: evaluate(parts[1], params[sizes[0] :], x, u),
     )
-    params = [np.array(a) for part in parts for pair in zip(part.weights, part.biases, strict=True)
-              for a in pair]  # fmt: skip
+    params = [
+        np.array(a)
+        for part in parts
+        for pair in zip(part.weights, part.biases, strict=True)
+        for a in pair
+    ]
     state = net.start(np.zeros(net.states) if x0 is None else x0)
     model.init(params=params, x0=np.array(state))
     model.loss(rho_x0=1e-6, rho_th=1e-6, train_x0=True)

@@ -163,9 +163,17 @@ def smooth_hidden_weights(
     intervals, status = _intervals(task, low, high, members)
     texts = _assumptions(net, data, bound, weights, eps)
     return SmoothHiddenWeights(
-        net, data, bound, weights, eps, status, steps, frozen(members), FrozenMapping(intervals),
+        net,
+        data,
+        bound,
+        weights,
+        eps,
+        status,
+        steps,
+        frozen(members),
+        FrozenMapping(intervals),
         texts,
-    )  # fmt: skip
+    )
 
 
 def _assumptions(

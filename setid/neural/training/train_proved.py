@@ -215,17 +215,24 @@ def _cap(y: Reals) -> float:
     return float(up(up(np.max(y) - np.min(y)) * 0.5000001)) + 1e-300
 
 
-def _program(network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float,
-             cap: float) -> Patterns:  # fmt: skip
+def _program(
+    network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float
+) -> Patterns:
     high = np.full(len(signs) * (phi.shape[1] + 1) + 1, _summed(network, weights))
     high[-1] = reaches(weights, y)
     return Patterns.of(phi, y, np.array(signs), _leak(network), (-high, high), cap)
 
 
 def _by_patterns(
-    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
-    until: float, nodes: int,
-) -> ProvedTraining:  # fmt: skip
+    net: RegressorNetwork,
+    data: IOData,
+    phi: Reals,
+    y: Reals,
+    weights: float,
+    tolerance: float,
+    until: float,
+    nodes: int,
+) -> ProvedTraining:
     network = net.network
     width = network.weights[0].shape[0]
     cap = _cap(y)
@@ -249,9 +256,14 @@ def _by_patterns(
 
 
 def _by_engine(
-    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
+    net: RegressorNetwork,
+    data: IOData,
+    phi: Reals,
+    y: Reals,
+    weights: float,
+    tolerance: float,
     until: float,
-) -> ProvedTraining:  # fmt: skip
+) -> ProvedTraining:
     """Ask the engine for each choice of signs, below the error that simulated weights attain."""
     network = net.network
     if network.activation[0] not in ("relu", "leaky_relu"):
@@ -304,17 +316,26 @@ def _simulated(best: _Best, program: Patterns, signs: Reals, until: float) -> No
 
 
 def _stated(
-    network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float,
+    network: Network,
+    phi: Reals,
+    y: Reals,
+    signs: Sequence[float],
+    weights: float,
+    cap: float,
     until: float = np.inf,
-) -> TrainingProblem | None:  # fmt: skip
+) -> TrainingProblem | None:
     reach = reaches(weights, y)
     return training_problem(phi, y, signs, _leak(network), weights, reach, cap, until)
 
 
 def _result(
-    net: RegressorNetwork, data: IOData, network: Network,
-    found: tuple[float, float, float, int], trees: Mapping[tuple[float, ...], Any], cap: float,
-) -> ProvedTraining:  # fmt: skip
+    net: RegressorNetwork,
+    data: IOData,
+    network: Network,
+    found: tuple[float, float, float, int],
+    trees: Mapping[tuple[float, ...], Any],
+    cap: float,
+) -> ProvedTraining:
     """The result for the best network, with the error that it provably attains."""
     lower, weights, tolerance, count = found
     trained = type(net)(network, net.order, net.channels)
@@ -352,9 +373,11 @@ class _Best:
         width, d = network.weights[0].shape
         self.linear = network.activation[0] == "identity"
         self.parts: tuple[Reals, Reals, Reals, float] = (
-            np.zeros((width, d)), np.zeros(width), np.ones(width),
+            np.zeros((width, d)),
+            np.zeros(width),
+            np.ones(width),
             0.5 * float(np.max(y) + np.min(y)),
-        )  # fmt: skip
+        )
         self.value = 0.5 * float(np.max(y) - np.min(y))
         self.scale = self.value
         self.seen: set[bytes] = set()
@@ -390,14 +413,17 @@ class _Best:
         w, b, signs, c = self.parts
         width = self.given.weights[0].shape[0]
         if self.linear:  # one neuron stands for all of them
-            w, b = (np.clip(np.repeat(a / width, width, axis=0), -self.weights, self.weights)
-                    for a in (w[:1], b[:1]))  # fmt: skip
+            w, b = (
+                np.clip(np.repeat(a / width, width, axis=0), -self.weights, self.weights)
+                for a in (w[:1], b[:1])
+            )
             signs = np.ones(width)
         full = np.zeros((width, self.phi.shape[1])), np.zeros(width), np.ones(width)
         for whole, part in zip(full, (w, b, signs), strict=True):
             whole[: len(part)] = part
-        return Network([full[0], full[2][None]], [full[1], [c]], self.given.activation,
-                       self.given.leak)  # fmt: skip
+        return Network(
+            [full[0], full[2][None]], [full[1], [c]], self.given.activation, self.given.leak
+        )
 
 
 def _inside(network: Network, weights: float, y: Reals) -> bool:
@@ -446,9 +472,15 @@ def _boxes(network: Network, phi: Reals, y: Reals, weights: float, cap: float) -
 
 
 def _by_boxes(
-    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
-    until: float, nodes: int,
-) -> ProvedTraining:  # fmt: skip
+    net: RegressorNetwork,
+    data: IOData,
+    phi: Reals,
+    y: Reals,
+    weights: float,
+    tolerance: float,
+    until: float,
+    nodes: int,
+) -> ProvedTraining:
     cap = _cap(y)
     search = WeightSearch(_boxes(net.network, phi, y, weights, cap))
     best, value, seen = _clipped(net.network, phi, y, weights), np.inf, 0
@@ -463,8 +495,9 @@ def _by_boxes(
             if len(search.known) == seen or len(search.known) >= nodes or time.monotonic() >= until:
                 break
     lower = min(search.bound, cap)
-    return _result(net, data, best, (lower, weights, tolerance, len(search.known)),
-                   {(): search.tree()}, cap)  # fmt: skip
+    return _result(
+        net, data, best, (lower, weights, tolerance, len(search.known)), {(): search.tree()}, cap
+    )
 
 
 def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
@@ -477,5 +510,8 @@ def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
     trial, _ = fitted(network, phi, y, weights, found)
     if trial is not None:
         return trial
-    return Network([first * 0.0, last[None] * 0.0], [bias * 0.0, [0.5 * float(y.max() + y.min())]],
-                   network.activation)  # fmt: skip
+    return Network(
+        [first * 0.0, last[None] * 0.0],
+        [bias * 0.0, [0.5 * float(y.max() + y.min())]],
+        network.activation,
+    )

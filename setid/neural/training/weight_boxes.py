@@ -236,8 +236,10 @@ def fitted(
     one = np.ones((len(y), 1))
     matrix = sps.csr_array(np.block([[z, one, one], [z, one, -one]]))
     free, bias = np.full(len(y), np.inf), reaches(weights, y, width)
-    columns = (np.append(np.zeros(width), [-bias, 0.0]),
-               np.append(np.full(width, weights), [bias, np.inf]))  # fmt: skip
+    columns = (
+        np.append(np.zeros(width), [-bias, 0.0]),
+        np.append(np.full(width, weights), [bias, np.inf]),
+    )
     model = LinearModel(matrix, (np.append(y, -free), np.append(free, y)), columns)
     found = model.solve(np.append(np.zeros(width + 1), 1.0))
     if found.status != "solved":
