@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from checker.command import main  # noqa: E402
+from checker.command import main
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

@@ -23,14 +23,14 @@ from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from checker.arithmetic import interval as iv  # noqa: E402
-from checker.arithmetic.polynomial import INF, Polynomial, Word, dyadic, powers  # noqa: E402
-from checker.certificates.certificate import Certificates, Part  # noqa: E402
-from checker.certificates.identity import Group, Identity, LinearDual  # noqa: E402
-from checker.certificates.propagation import Box, Row, Rows  # noqa: E402
-from checker.command import UNEXPECTED, problem_of  # noqa: E402
-from checker.files import reading  # noqa: E402
-from checker.files.reading import Malformed, Problem, below  # noqa: E402
+from checker.arithmetic import interval as iv
+from checker.arithmetic.polynomial import INF, Polynomial, Word, dyadic, powers
+from checker.certificates.certificate import Certificates, Part
+from checker.certificates.identity import Group, Identity, LinearDual
+from checker.certificates.propagation import Box, Row, Rows
+from checker.command import UNEXPECTED, problem_of
+from checker.files import reading
+from checker.files.reading import Malformed, Problem, below
 
 Ends = list[tuple[int | None, int | None]]  # of X; None is infinite
 ROUNDS = 60  # sweeps over all rows at a node

@@ -252,7 +252,7 @@ class Deadline:
         otherwise : float, optional
             Seconds where there is no limit.
         """
-        wall, cpu = self._ends(0.0)
+        wall, _ = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         cpu_left = None if self.cpu_left is None else share * self.cpu_left
         work = None if self._last is None else share * max(0.0, self._last - spent())

@@ -53,7 +53,7 @@ class QuietHighs(highspy.Highs):
     def __init__(self) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
 
-    def enableCallbacks(self) -> Any:  # noqa: N802 - the name that the constructor calls
+    def enableCallbacks(self) -> Any:  # the name that the constructor calls
         """Turn output off, then enable callbacks."""
         self.setOptionValue("output_flag", False)
         return super().enableCallbacks()  # type: ignore[no-untyped-call]

@@ -189,7 +189,7 @@ def test_no_moment_is_repeated_or_constant():
 
 
 def test_fixed_variables_stay_out_of_the_bases():
-    x, y, z = sp.variables(3)
+    x, _, z = sp.variables(3)
     problem = Problem(x * z, [x + z >= 0], [-1, 0, -1], [1, 0, 1])
     relaxation = relax(problem, 2, cliques=find_cliques(problem, sparse=False))
     for group in relaxation.groups:

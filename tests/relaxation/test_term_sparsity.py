@@ -194,7 +194,7 @@ def test_components_and_signs_keep_the_value_and_chordal_is_below(problem, spars
     cliques = find_cliques(problem) if sparse else dense(problem)
     whole = value(problem, 2, cliques=cliques)
     for method in METHODS:
-        relaxation, solution = solved(problem, 2, cliques=cliques, terms=method)
+        _, solution = solved(problem, 2, cliques=cliques, terms=method)
         assert solution.dual <= whole + 1e-6
         if method in LOSSLESS:
             assert solution.dual == pytest.approx(whole, abs=2e-6)

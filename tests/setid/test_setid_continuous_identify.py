@@ -263,7 +263,7 @@ def test_estimate_is_settled_by_identify_and_listed() -> None:
 
 @pytest.mark.slow
 def test_consistency_counts_delta_as_noise() -> None:
-    data, error = sampled(0.4, 8)
+    data, _ = sampled(0.4, 8)
     plain = setid.consistency(data, C(2, 1), setid.Noise(output=0.02), options=QUICK)
     split = setid.consistency(data, C(2, 1, delta=0.01), setid.Noise(output=0.01), options=QUICK)
     np.testing.assert_allclose(plain.scale, split.scale, rtol=1e-2)
@@ -358,7 +358,7 @@ def test_rows_of_a_sensitivity_have_delta_times_their_factor() -> None:
 
 
 def test_steps_say_that_they_are_those_of_the_recursion() -> None:
-    data, model = held(0.01)
+    data, _ = held(0.01)
     for hold, words in (
         ("constant", "held at each sample"),
         ("linear", "interval before the first"),

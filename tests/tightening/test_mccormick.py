@@ -97,7 +97,7 @@ def test_tightening_finds_what_no_row_shows_alone():
 
 
 def test_variables_that_occur_nowhere_are_left_alone():
-    x, y, z = sp.variables(3)
+    x, y, _ = sp.variables(3)
     problem = Problem(x, [x + y >= 1, x - y >= 0], -1.0, 1.0)
     mccormick, box = relaxation_of(problem)
     smaller, _, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1, 2))

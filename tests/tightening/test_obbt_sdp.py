@@ -355,7 +355,7 @@ def test_an_interrupted_round_loses_no_node(solves: int, monkeypatch) -> None:
 
 def test_the_error_that_a_bound_may_have_says_when_widths_are_small_enough() -> None:
     """A tenth of the error may stay, and half of that is spared."""
-    problem, search = planted()
+    _, search = planted()
     context, upper = search.context, search.context.upper
     assert node._enough(context, upper - 0.1, upper - 1.0) == pytest.approx(0.05)
     for cutoff, bound in ((None, 0.0), (upper, upper), (upper, -np.inf), (upper, np.nan)):

@@ -10,7 +10,7 @@ import scipy.sparse as sps
 from common import answer, run
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
-import conic  # noqa: E402 - it needs nothing of the package
+import conic  # which needs nothing of the package
 
 
 def solve(task, number):

@@ -226,8 +226,7 @@ def arc_regions(
         rad a sample; half widths may be 0.
     proposer : callable
     """
-    top, below = families
-    size = top.constants.size
+    size = families[0].constants.size
     powers, rest, rounding = taylor(size, 0.5 * (size - 1), arcs)
     above, under = (_affine(powers, f) for f in families)  # (A, d + 1, 1 + p)
     d0, g0, g1 = _nominal(above, under, theta)

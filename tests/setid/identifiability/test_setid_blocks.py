@@ -181,7 +181,7 @@ def test_named_structures_are_instances_of_the_general_one() -> None:
     general = setid.BlockStructured(
         {("y1", "w"): ONE}, {"w": StaticMap("u1", 3)}, normalise="gamma1"
     )
-    named, theta, _ = CASES["hammerstein"]
+    named, _, _ = CASES["hammerstein"]
     data = simulated("hammerstein", 0.02).data
     one = setid.formulate(data, general, setid.Noise(output=0.1)).problem
     two = setid.formulate(data, named, setid.Noise(output=0.1)).problem

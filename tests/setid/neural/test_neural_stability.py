@@ -176,7 +176,7 @@ def pairs(net, count: int, steps: int, seed: int):
         if isinstance(net, neural.Elman):
             ((w, v, b),) = net.layers
             return np.tanh(w @ u + v @ x + b[:, None])
-        (gate, *rest) = net.gates
+        gate = net.gates[0]
         arg = [w @ u + v @ x[: len(b)] + b[:, None] for w, v, b in net.gates]
         n = len(gate[2])
         if isinstance(net, neural.LSTM):

@@ -157,8 +157,6 @@ def test_the_engine_refuses_other_activations() -> None:
 @pytest.mark.slow
 def test_two_neurons_against_enumeration() -> None:
     data = record(5, 1, noise=1.0)
-    phi, y = regressors(data)
-    data = setid.IOData(data.u, data.y)
     found = neural.train_proved(structure(2, "relu"), data, weights=3.0, time_limit=1e6)
     expected = enumerated(data, 2, 0.0, 3.0)
     assert found.lower_bound <= expected + 1e-9 <= found.upper_bound + 2e-4

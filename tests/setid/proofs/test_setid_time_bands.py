@@ -453,7 +453,7 @@ def test_hostile_helpers_cannot_break_a_band() -> None:
     cover, task = box(THETA, 0.03, rows=5), experiment(SECOND, 16, (0.5, -0.25), start=0.1)
     frame, rng = frame_of(2, 0.2), np.random.default_rng(4)
     part = Partition(task, cover, frame, Hostile(cover))
-    first, second = part.cut(0, 0, float(part.cell(0).tight[0].mean()))
+    _, second = part.cut(0, 0, float(part.cell(0).tight[0].mean()))
     part.cut(second, 1, float(rng.normal()))
     for number in part.numbers:
         source = Hostile(part.polytope(number))
@@ -489,7 +489,7 @@ def test_neighbours_share_the_number_that_parts_them() -> None:
 
 
 def test_cells_that_are_not_enclosed_keep_the_range_of_the_cell_they_come_from() -> None:
-    part, task, first, second = halves()
+    part, _, first, _ = halves()
     number = first
     centre = Centre(THETA, np.zeros(8), np.eye(1, 8)[0])
     part.enclose(number, centre, Proposer(part.polytope(number)))

@@ -415,7 +415,7 @@ def test_blocks_without_parameters_need_no_cells(initial: str) -> None:
 
 
 def test_samples_before_the_drives_are_in_no_row() -> None:
-    formulation, _, z = begun_anywhere("two numerators", 1)
+    formulation, _, _ = begun_anywhere("two numerators", 1)
     parts = parts_of(formulation)
     assert parts is not None and (parts.initial, parts.begin) == (2, None)
     later = with_impulses(parts)

@@ -134,7 +134,7 @@ def test_limits_need_their_proofs(known):
 @pytest.mark.parametrize("at", [(0.3, 3.375, -0.0125), (-0.125, -64.0, 0.0625), (0.25, 80.0, 0.0)])
 def test_faces_hold_every_point_beyond_the_limit(known, at):
     """c = b / s, s = 1 / gamma, phi = gamma s = 1: each row of the face is s times one of ours."""
-    rows, _, faces = known
+    _, _, faces = known
     b_, g_, e_ = (F(v) for v in at)
     constant = [b_ * g_ + e_, b_ + 4 * e_, b_ - 4 * e_]
     moved = [

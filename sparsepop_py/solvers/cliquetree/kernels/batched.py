@@ -208,7 +208,7 @@ def largest_step(inverse: Reals, direction: Reals, limit: float, roughly: bool =
     factorization of all I + a T tells whether they were the right ones.
     """
     scaled = inverse @ direction @ transposed(inverse)
-    count, size, _ = scaled.shape
+    count = scaled.shape[0]
     least = _least_eigenvalue_bounds(scaled)
     order = np.argsort(least, kind="stable")
     begin, chunk = 0, max(8, count // 64)
