@@ -35,7 +35,7 @@ class Rational:
 
     @property
     def is_fraction(self) -> bool:
-        """Whether it is one ratio and nothing beside it."""
+        """True if it is one ratio and nothing beside it."""
         return len(self.ratios) == 1 and not any(self.whole.terms.values())
 
 
@@ -118,7 +118,7 @@ class RationalProblem:
 
     @property
     def constant(self) -> Fraction:
-        """What an objective with a level has beside its ratio."""
+        """Constant that an objective with a level has beside its ratio."""
         return self.objective.whole.coefficient()
 
     def fits(self, level: Any) -> bool:

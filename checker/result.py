@@ -1,4 +1,4 @@
-"""What the files claim, and whether it is proved."""
+"""Results of solves: the claims of their files, and whether they are proved."""
 
 from __future__ import annotations
 

@@ -290,7 +290,7 @@ def _is_number(value: object, expected: str) -> bool:
 
 
 def _renamed(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Replace names of earlier versions by those of today, with a DeprecationWarning."""
+    """Replace names of earlier versions by the present ones, with a DeprecationWarning."""
     old = [name for name in names if isinstance(name, str) and name in _OLD_SKIPPED]
     for name in old:
         text = f"Options.skip: {name!r} is now called {_OLD_SKIPPED[name]!r}"

@@ -38,7 +38,7 @@ def argument_of(found: Any, n: int, place: str) -> Any:
 
 
 class Replay:
-    """One problem, a cutoff of its objective (or None), and what steps ask of them."""
+    """Rows and numbers that steps ask of a problem and a cutoff of its objective (or None)."""
 
     def __init__(self, problem: Problem, cutoff: Fraction | None, holds: Holds) -> None:
         self.problem, self.cutoff, self.holds = problem, cutoff, holds
@@ -319,7 +319,7 @@ STEPS = {kind.__name__: kind for kind in (Propagation, Sublevel, LeftInverse, Ti
 
 
 class Part:
-    """One part of a tree: steps, and then an argument or two children."""
+    """Node of a tree (of ``parts`` in files): steps, and then an argument or two children."""
 
     def __init__(self, found: Any, n: int, place: str, own: int, count: int) -> None:
         kinds = {"steps": "l", "empty": "b", "children": "l"}
@@ -387,7 +387,7 @@ class Certificate:
         return bound, why
 
     def _bound(self, replay: Replay, part: Part, box: Box) -> Any:
-        """What is proved on one part: by its box, and by its argument."""
+        """Bound the objective on one node: by its box, and by its argument."""
         problem, argument = replay.problem, part.argument
         least = iv.exact(iv.range_over(problem.objective, box.ends)[0])
         if replay.constant is not None:

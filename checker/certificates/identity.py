@@ -71,7 +71,7 @@ def _ends(found: Any, n: int, place: str) -> list[list[float]] | None:
 
 
 class Generators:
-    """What multipliers multiply, in t: 1, the rows, three families of bounds, products."""
+    """Polynomials that multipliers multiply, in t: 1, rows, three families of bounds, products."""
 
     def __init__(self, rows: list[Row], argument: Any) -> None:
         self.rows, self.scaling, self.products = rows, argument.scaling, argument.products

@@ -73,7 +73,7 @@ class ProvedPoint:
     # ---- Krawczyk's test ------------------------------------------------------------------
 
     def _over(self, box: list[Interval]) -> str:
-        """Why what is claimed may fail in a box that holds a zero of the rows."""
+        """Tell why a claim may fail in a box with a zero of the rows; empty where it holds."""
         problem, rows = self.problem, set(self.rows)
         for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
             if iv.exact(low) < a or iv.exact(high) > b:
@@ -89,7 +89,7 @@ class ProvedPoint:
         return "" if most <= self.value else "the objective may be larger"
 
     def _holds(self, c: Constraint, box: list[Interval]) -> bool:
-        """Whether a constraint holds over a box, exactly where none of its variables is solved."""
+        """Check a constraint over a box, exactly where none of its variables is solved."""
         letters = {v - 1 for word in c.polynomial.terms for v in word}
         if letters.isdisjoint(self.solved):
             value = c.polynomial.at(self.x)
@@ -179,7 +179,7 @@ def _inverse(matrix: list[list[int]]) -> list[list[int]] | None:
 
 
 def _semidefinite_over(c: Constraint, box: list[Interval]) -> bool:
-    """Whether the matrix of a constraint is positive semidefinite all over a box."""
+    """Check that the matrix of a constraint is positive semidefinite all over a box."""
     ends = [tuple(map(iv.exact, iv.range_over(p, box))) for p in c.entries]
     if any(end in (INF, -INF) for pair in ends for end in pair):
         return False
@@ -293,7 +293,7 @@ def _directions(problem: Problem, x: list[Fraction]) -> Iterator[list[Fraction]]
 
 
 def _falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bool:
-    """Whether x + s * direction is feasible for all s >= 0 and the objective falls there."""
+    """Check that x + s * direction is feasible for all s >= 0 and the objective falls there."""
     for step, low, high in zip(direction, problem.lower, problem.upper, strict=True):
         if (step < 0 and low != -INF) or (step > 0 and high != INF):
             return False

@@ -53,7 +53,7 @@ class Box:
 
     @property
     def empty(self) -> bool:
-        """Whether a lower end lies above the upper one."""
+        """True if a lower end lies above the upper one."""
         return any(low > high for low, high in self.ends)
 
 
@@ -125,7 +125,7 @@ class Rows:
                 _solve_factor(box, place, factors, parts, value, asked)
 
     def _targets(self, ranges: list[list[Interval]]) -> list[Interval]:
-        """Where rows must lie, with |a| <= sqrt(b c) for the upper ends of b and c."""
+        """Find where rows must lie, with |a| <= sqrt(b c) for the upper ends of b and c."""
         found = [row.target for row in self.rows]
         for a, b, c in self.minors:
             ends = [iv.total(ranges[k])[1] for k in (b, c)]
@@ -136,7 +136,7 @@ class Rows:
 
 
 def _ranges(row: Row, box: list[Interval]) -> list[Interval]:
-    """The ranges of all atoms: first those with a square, then the terms."""
+    """Enclose the ranges of all atoms: first those with a square, then the terms."""
     found = [_square_range(square, row.exp, box[square[0]]) for square in row.squares]
     for value, factors in row.terms:
         for variable, n in factors:
@@ -146,7 +146,7 @@ def _ranges(row: Row, box: list[Interval]) -> list[Interval]:
 
 
 def _allowed(ranges: list[Interval], target: Interval) -> list[Interval] | None:
-    """Where each atom must lie; None where there is no such place."""
+    """Find where each atom must lie; None where there is no such place."""
     low = sum(part[0] for part in ranges if part[0] != -INF)
     high = sum(part[1] for part in ranges if part[1] != INF)
     open_low = sum(part[0] == -INF for part in ranges)

@@ -31,7 +31,7 @@ class Constraint:
 
     @property
     def equality(self) -> bool:
-        """Whether the polynomial has to be zero."""
+        """True if the polynomial has to be zero."""
         return self.kind == "ZERO"
 
     @property

@@ -90,7 +90,7 @@ class Rows:
         self.y, self.noise, *self.columns = [[_whole(v, self.bits) for v in t] for t in tables]
 
     def _known(self, record: Any, term: Term, place: int) -> Fraction:
-        """What a term multiplies in the row of a sample; zero before a record."""
+        """Find the number that a term multiplies in the row of a sample; zero before a record."""
         k = self.numbers[place]
         if k is None or not self.asked[place]:
             return Fraction(0)
@@ -225,7 +225,7 @@ def holds(table: Multipliers, leaf: Leaf, cone: Cone, stable: bool, gain: Gain |
 
 
 class Sides:
-    """What rows ask for at pairs of vectors, beyond what noise can give."""
+    """Requirements of rows at pairs of vectors, beyond what noise can give."""
 
     def __init__(self, table: Multipliers, family: Cone, vectors: Cone, gain: Gain | None) -> None:
         self.rows, self.vectors, self.gain = table.rows, vectors, gain

@@ -1,4 +1,4 @@
-"""What rows of a record say one by one: |Y + R m| <= w0 + W |m|, noise at its largest effect.
+"""Rows of a record one by one: |Y + R m| <= w0 + W |m|, noise at its largest effect.
 
 The columns m are the parameters, or sums of products of them.
 """
@@ -87,7 +87,7 @@ class Regression:
         return self._known[key]
 
     def _split(self, terms: dict[Word, Fraction]) -> list[dict[Word, Fraction]]:
-        """What multiplies each column, in the unknowns that are no parameters; the rest last."""
+        """Collect the factor of each column, in unknowns that are no parameters; the rest last."""
         found: dict[Word, dict[Word, Fraction]] = {}
         for word, value in terms.items():
             head = tuple(v for v in word if v <= len(self.places))

@@ -77,7 +77,7 @@ class Identification:
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
 
     def _number(self) -> None:
-        """Which unknown is which parameter or sample."""
+        """Number the unknowns: parameters first, then samples."""
         self.labels: list[str] = []
         self.keys: list[tuple[str, int, int]] = []  # group, channel and sample
         for k, triple in enumerate(self.got.variables):
@@ -230,7 +230,7 @@ class Identification:
         return row, ZERO if letter else width
 
     def _differs(self, name: str, k: int, c: Constraint) -> str:
-        """Why a constraint in units is not what the row says; empty where it is."""
+        """Tell why a constraint in units is not what the row says; empty where it is."""
         row, width = self._row(name, k)
         stated = self._in_parameters(self.unscaled(c))
         own, constant = row.pop((), ZERO), stated.pop((), ZERO)
@@ -417,7 +417,7 @@ class Identification:
         return points
 
     def _asked(self) -> list[str]:
-        """What the intervals rest on, for people."""
+        """List what the intervals rest on, for people."""
         record, lines = self.record, [f"structure: {self.told} of {', '.join(self.names)}"]
         if self.structure is not None:
             lines[0] += f" ({', '.join(f'{k} {v}' for k, v in self.structure.shown.items())})"
@@ -438,7 +438,7 @@ class Identification:
         return lines + [f"taken as given: {what}" for what in self.taken]
 
     def _of_rows(self) -> list[str]:
-        """Where rows say less than the record does, for people."""
+        """List where rows say less than the record does, for people."""
         lines = []
         if self.left_out:
             count = f"{self.left_out} equation{'s' * (self.left_out > 1)} with missing samples"
@@ -479,7 +479,7 @@ class Identification:
     def _interval(
         self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool
     ) -> list[str]:
-        """What is proved of one parameter."""
+        """Write what is proved of one parameter."""
         name = self.names[v]
         if item(stated, "name", "intervals") != name:
             raise Malformed("intervals: not in the order of the parameters")

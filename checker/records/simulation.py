@@ -60,7 +60,7 @@ class Region:
 
     @property
     def empty(self) -> bool:
-        """Whether an end is above another one."""
+        """True if an end is above another one."""
         pairs = zip(self.low + self.least, self.high + self.most, strict=True)
         return any(a > b for a, b in pairs)
 

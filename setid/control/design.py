@@ -441,7 +441,7 @@ def _one(
     refuted: tuple[Refuted, ...],
     taken: tuple[str, ...],
 ) -> Design:
-    """One order: the set by sums of rows, then by the engine."""
+    """Design for one order: the set of controllers by sums of rows, then by the engine."""
     begin = time.process_time()
     loop = loop_function(reference)
     signal = data.u.ravel().tolist()

@@ -228,14 +228,14 @@ def _transfer(control: ModuleType, model: Structure, theta: Reals, Ts: float) ->
 
 
 def _covering_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float], list[float]]:
-    """Gain (1 + c q^-1) / (1 + d q^-1), stable, with the least excess over the radius in dB."""
+    """Fit gain (1 + c q^-1) / (1 + d q^-1), stable, with the least excess over the radius in dB."""
     corners = np.concatenate([-1.0 + np.geomspace(1e-4, 1.0, 25), 1.0 - np.geomspace(0.05, 1, 8)])
     gain, c, d = _least_excess(np.exp(-1j * omega * Ts), radius, np.unique(corners).tolist())
     return [gain, gain * c], [1.0, d]
 
 
 def _continuous_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float], list[float]]:
-    """The same for gain (s + c) / (s + d), with c and d at frequencies of the grid and around."""
+    """Fit gain (s + c) / (s + d) likewise, with c and d at frequencies of the grid and around."""
     corners = np.geomspace(omega.min() / 10.0, omega.max() * 10.0, 33)
     gain, c, d = _least_excess(1.0 / (1j * omega), radius, corners.tolist())
     return [gain, gain * c], [1.0, d]

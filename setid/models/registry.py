@@ -90,7 +90,7 @@ def register_structure(kind: type, family: Family) -> None:
 
 
 def _named(name: str, family: Family) -> Family:
-    """The same family; what it raises is said to be its own, and what it makes is checked."""
+    """Wrap a family: name it in what it raises, and check what it makes."""
 
     def made(order: int, degree: int, inputs: int, outputs: int) -> Structure:
         place = f"structure {name!r} of order {order} and degree {degree}"

@@ -221,7 +221,7 @@ def _rationals(values: tuple[Fraction, ...] | None) -> list[str] | None:
 
 
 def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict[str, Any]:
-    """Its ends, and the steps that prove it, null where the file does not hold them."""
+    """Write the ends of a box and the steps that prove it, null where files hold none."""
     ends = {
         "lower": [codecs.number.write(v) for v in box.lower],
         "upper": [codecs.number.write(v) for v in box.upper],

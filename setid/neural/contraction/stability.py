@@ -119,7 +119,10 @@ class Stability:
         return self.best.rate if self.status is Status.STABLE else np.inf
 
     def _chosen(self, condition: Condition | None) -> Condition:
-        """One that holds, the best where none is given: of others no bound is for all time."""
+        """Choose a condition that holds, the best where none is given.
+
+        Of others no bound is for all time.
+        """
         if condition is None:
             return self.best
         if not isinstance(condition, Condition) or not condition.holds:
