@@ -278,18 +278,18 @@ def frequency_band(
     magnitude, turn, regions = found
     angle = np.unwrap(np.angle(response))
     return FrequencyBand(
-        kind,
-        output,
-        input,
-        frozen(frequencies),
-        frozen(response),
-        frozen(magnitude),
-        frozen(angle[:, None] + turn),
-        frozen(regions),
-        arcs,
-        data.Ts,
-        (data.output_labels[output - 1], data.input_labels[input - 1]),
-        data.time_unit,
+        kind=kind,
+        output=output,
+        input=input,
+        omega=frozen(frequencies),
+        nominal=frozen(response),
+        magnitude=frozen(magnitude),
+        phase=frozen(angle[:, None] + turn),
+        regions=frozen(regions),
+        arcs=arcs,
+        Ts=data.Ts,
+        labels=(data.output_labels[output - 1], data.input_labels[input - 1]),
+        time_unit=data.time_unit,
     )
 
 

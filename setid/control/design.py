@@ -468,17 +468,17 @@ def _one(
         found = _after(record, fixed, noise, found, result)
     spent = {"sums of rows": sums, "in all": time.process_time() - begin}
     return Design(
-        FrozenMapping(_intervals(fixed, result, found, settings.tol)),
-        result,
-        refuted,
-        fixed,
-        found,
-        reference,
-        data,
-        frozen(wanted),
-        frozen(_fit(record, fixed, noise)),
-        boxed,
-        FrozenMapping(spent),
+        intervals=FrozenMapping(_intervals(fixed, result, found, settings.tol)),
+        result=result,
+        refuted=refuted,
+        fixed=fixed,
+        parameters=found,
+        reference=reference,
+        data=data,
+        target=frozen(wanted),
+        fit=frozen(_fit(record, fixed, noise)),
+        boxed=boxed,
+        seconds=FrozenMapping(spent),
     )
 
 

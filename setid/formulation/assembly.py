@@ -156,16 +156,16 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     )
     regression = build_regression(data, model, signals, usable, bounds.equation)
     return Built(
-        problem,
-        layout,
-        _rows(rows),
-        regression,
-        smoothed(regression, data, model, bounds),
-        build_products(data, model, signals, usable, bounds.equation),
-        tuple(equations),
-        lifting.sums,
-        sum(item.dropped for item in plans),
-        roundings,
+        problem=problem,
+        layout=layout,
+        rows=_rows(rows),
+        regression=regression,
+        smoothed=smoothed(regression, data, model, bounds),
+        products=build_products(data, model, signals, usable, bounds.equation),
+        equations=tuple(equations),
+        sums=lifting.sums,
+        dropped=sum(item.dropped for item in plans),
+        roundings=roundings,
     )
 
 

@@ -180,16 +180,16 @@ class ProductModel:
             system.row[free], system.coefficients[free], minlength=kept.size + 1
         ).astype(float)
         return ProductModel(
-            n,
-            first[double] - 1,
-            second[double] - 1,
-            kept,
-            len(problem.constraints),
-            problem.equality[kept],
-            constant,
-            system.row[~free],
-            column[~free],
-            system.coefficients[~free],
+            dimension=n,
+            first=first[double] - 1,
+            second=second[double] - 1,
+            number=kept,
+            constraints=len(problem.constraints),
+            equality=problem.equality[kept],
+            constant=constant,
+            row=system.row[~free],
+            column=column[~free],
+            coefficient=system.coefficients[~free],
         )
 
     @property

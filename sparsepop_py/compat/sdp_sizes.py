@@ -293,9 +293,29 @@ def solver_info(
     """
     if not asked:
         nothing = float("nan")
-        return SolverInfo("", 0, 0, nothing, nothing, 0.0, None, None, "no SDP was to be solved")
+        return SolverInfo(
+            solver="",
+            iter=0,
+            numerr=0,
+            pinf=nothing,
+            dinf=nothing,
+            cpusec=0.0,
+            feasratio=None,
+            residual=None,
+            detail="no SDP was to be solved",
+        )
     if built is None or built.solution is None:
-        return SolverInfo("", 0, 0, 0, 0, 0.0, None, None, "no SDP was solved")
+        return SolverInfo(
+            solver="",
+            iter=0,
+            numerr=0,
+            pinf=0,
+            dinf=0,
+            cpusec=0.0,
+            feasratio=None,
+            residual=None,
+            detail="no SDP was solved",
+        )
     solution = built.solution
     errors = dimacs_errors(built.program, solution)
     largest = float(np.abs(errors).max())
@@ -305,17 +325,17 @@ def solver_info(
     else:
         sure |= optimal or (solution.status == "solved" and largest <= _SURE)
     return SolverInfo(
-        solution.solver,
-        solution.iterations,
-        0 if sure else 1,
-        int(solution.status == "unbounded"),
-        int(solution.status == "infeasible"),
-        solution.seconds,
-        _FEASIBILITY.get(solution.status),
-        solution.residual,
-        solution.detail,
-        (0.0, solution.seconds, 0.0),
-        errors,
-        largest,
-        solution.wall,
+        solver=solution.solver,
+        iter=solution.iterations,
+        numerr=0 if sure else 1,
+        pinf=int(solution.status == "unbounded"),
+        dinf=int(solution.status == "infeasible"),
+        cpusec=solution.seconds,
+        feasratio=_FEASIBILITY.get(solution.status),
+        residual=solution.residual,
+        detail=solution.detail,
+        timing=(0.0, solution.seconds, 0.0),
+        err=errors,
+        r0=largest,
+        wallsec=solution.wall,
     )

@@ -85,18 +85,20 @@ def read_model(path: str | os.PathLike[str]) -> ReadModel:
     n, m = lp.num_col_, lp.num_row_
     whole = list(lp.integrality_) or [highspy.HighsVarType.kContinuous] * n
     return ReadModel(
-        lp.sense_ == highspy.ObjSense.kMaximize,
-        float(lp.offset_),
-        np.array(lp.col_cost_, float),
-        _columns(quadratic.value_, quadratic.index_, quadratic.start_, (n, n), quadratic.dim_),
-        _columns(lp.a_matrix_.value_, lp.a_matrix_.index_, lp.a_matrix_.start_, (m, n), n),
-        np.array(lp.row_lower_, float),
-        np.array(lp.row_upper_, float),
-        np.array(lp.col_lower_, float),
-        np.array(lp.col_upper_, float),
-        [_KINDS.get(kind, str(kind)) for kind in whole],
-        [name or f"x{v + 1}" for v, name in enumerate(_labels(lp.col_names_, n))],
-        [name or f"row{i + 1}" for i, name in enumerate(_labels(lp.row_names_, m))],
+        maximise=lp.sense_ == highspy.ObjSense.kMaximize,
+        offset=float(lp.offset_),
+        cost=np.array(lp.col_cost_, float),
+        hessian=_columns(
+            quadratic.value_, quadratic.index_, quadratic.start_, (n, n), quadratic.dim_
+        ),
+        matrix=_columns(lp.a_matrix_.value_, lp.a_matrix_.index_, lp.a_matrix_.start_, (m, n), n),
+        row_lower=np.array(lp.row_lower_, float),
+        row_upper=np.array(lp.row_upper_, float),
+        lower=np.array(lp.col_lower_, float),
+        upper=np.array(lp.col_upper_, float),
+        kinds=[_KINDS.get(kind, str(kind)) for kind in whole],
+        names=[name or f"x{v + 1}" for v, name in enumerate(_labels(lp.col_names_, n))],
+        row_names=[name or f"row{i + 1}" for i, name in enumerate(_labels(lp.row_names_, m))],
     )
 
 

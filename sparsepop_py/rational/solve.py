@@ -273,16 +273,16 @@ class _RationalSearch:
             )
         status = _status(proof, upper, found, options)
         return RationalResult(
-            problem,
-            options,
-            status,
-            proof.bound,
-            upper,
-            x,
-            proof,
-            attained,
-            found,
-            (*rounding_note(problem.rounding), *notes),
+            problem=problem,
+            options=options,
+            status=status,
+            lower_bound=proof.bound,
+            upper_bound=upper,
+            x=x,
+            certificate=proof,
+            attained=attained,
+            polynomial=found,
+            notes=(*rounding_note(problem.rounding), *notes),
         )
 
 

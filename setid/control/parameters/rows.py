@@ -114,16 +114,16 @@ def noisy_rows(
     slopes = [_combined(parts, column) for column in basis.T]
     size = np.abs(full)
     return NoisyRows(
-        model.parameters,
-        frozen(offset),
-        frozen(basis),
-        frozen(y[rows] + full @ offset),
-        frozen(full @ basis),
-        frozen(np.abs(y[rows]) + size @ np.abs(offset)),
-        frozen(size @ np.abs(basis)),
-        sps.csr_array(constant[:, used]),
-        tuple(sps.csr_array(slope[:, used]) for slope in slopes),
-        frozen(bound[used]),
+        names=model.parameters,
+        offset=frozen(offset),
+        basis=frozen(basis),
+        target=frozen(y[rows] + full @ offset),
+        regressors=frozen(full @ basis),
+        target_size=frozen(np.abs(y[rows]) + size @ np.abs(offset)),
+        regressor_size=frozen(size @ np.abs(basis)),
+        noise=sps.csr_array(constant[:, used]),
+        slopes=tuple(sps.csr_array(slope[:, used]) for slope in slopes),
+        bound=frozen(bound[used]),
     )
 
 

@@ -388,7 +388,17 @@ def _solve_exact(rows: Rows) -> OutputSet:
     if not np.any(rows.radius > 0):
         dual = np.zeros((2 * m, rows.target.size))
         zero = np.zeros(m)
-        return OutputSet((0.0, np.inf), whole, None, whole.hi, dual, dual[:2], 1.0, zero, none)
+        return OutputSet(
+            factor=(0.0, np.inf),
+            outer=whole,
+            inner=None,
+            reach=whole.hi,
+            dual=dual,
+            least=dual[:2],
+            widened=1.0,
+            centre=zero,
+            inside=none,
+        )
     guess, centre, least = least_factor(rows)
     widened = 1.0 if guess <= 1.0 or not np.isfinite(guess) else 2.0 * guess
     dual, points = multipliers(rows.widened(widened), _objectives(m))
@@ -398,7 +408,17 @@ def _solve_exact(rows: Rows) -> OutputSet:
         inside = _members_near(rows, np.vstack([centre, points]), centre)
     attained = _attained_factor(rows, centre)
     inner = np.array([inside.min(axis=0), inside.max(axis=0)]) if len(inside) else None
-    return OutputSet((factor, attained), outer, inner, reach, dual, least, widened, centre, inside)
+    return OutputSet(
+        factor=(factor, attained),
+        outer=outer,
+        inner=inner,
+        reach=reach,
+        dual=dual,
+        least=least,
+        widened=widened,
+        centre=centre,
+        inside=inside,
+    )
 
 
 def _conclude(
@@ -453,7 +473,16 @@ def _solve_uncertain(rows: Rows) -> OutputSet:
     dual = np.zeros((2 * m, rows.target.size))
     outer = Interval(np.array(box.lower), np.array(box.upper))
     return OutputSet(
-        (factor, np.inf), outer, None, reach, dual, dual[:2], 1.0, np.zeros(m), none, box
+        factor=(factor, np.inf),
+        outer=outer,
+        inner=None,
+        reach=reach,
+        dual=dual,
+        least=dual[:2],
+        widened=1.0,
+        centre=np.zeros(m),
+        inside=none,
+        box=box,
     )
 
 

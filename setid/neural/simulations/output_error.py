@@ -301,17 +301,17 @@ class _Search(BestFirst[Interval]):
         closed = _closed(lower, upper, self.tolerance)
         status = Status.PROVED if closed else Status.PARTIAL
         return OutputError(
-            self.net,
-            self.data,
-            self.box,
-            status,
-            lower,
-            upper,
-            self.x0,
-            self.tolerance,
-            self.horizon,
-            self.tree(),
-            len(self.known),
+            net=self.net,
+            data=self.data,
+            box=self.box,
+            status=status,
+            lower_bound=lower,
+            upper_bound=upper,
+            x0=self.x0,
+            tolerance=self.tolerance,
+            horizon=self.horizon,
+            tree=self.tree(),
+            nodes=len(self.known),
         )
 
     def parts(self, part: Interval, split: int) -> tuple[Interval, Interval]:

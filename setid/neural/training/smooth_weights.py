@@ -163,16 +163,16 @@ def smooth_hidden_weights(
     intervals, status = _intervals(task, low, high, members)
     texts = _assumptions(net, data, bound, weights, eps)
     return SmoothHiddenWeights(
-        net,
-        data,
-        bound,
-        weights,
-        eps,
-        status,
-        steps,
-        frozen(members),
-        FrozenMapping(intervals),
-        texts,
+        net=net,
+        data=data,
+        bound=bound,
+        weights=weights,
+        eps=eps,
+        status=status,
+        steps=steps,
+        members=frozen(members),
+        intervals=FrozenMapping(intervals),
+        assumptions=texts,
     )
 
 

@@ -343,7 +343,16 @@ def _result(
     closed = upper - lower <= tolerance * cap
     status = Status.PROVED if closed else Status.PARTIAL
     return ProvedTraining(
-        trained, data, status, lower, upper, weights, tolerance, count, trees, cap
+        net=trained,
+        data=data,
+        status=status,
+        lower_bound=lower,
+        upper_bound=upper,
+        weights=weights,
+        tolerance=tolerance,
+        nodes=count,
+        trees=trees,
+        cap=cap,
     )
 
 

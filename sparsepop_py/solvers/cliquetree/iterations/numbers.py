@@ -91,21 +91,21 @@ class Numbers:
         pairs = [a for a in symbolic.assemblies if isinstance(a, BlockPairs)]
         parts = [(each, part) for each in pairs for part in each.parts()]
         return Numbers(
-            symbolic,
-            CompiledCone(*blocks, parts, workers) if symbolic.compiled else Cone(*blocks),
-            program.q / unit,
-            unit,
-            program.offset / unit,
-            C,
-            C.T.tocsr(),
-            c,
-            E,
-            E.T.tocsr(),
-            right[:zero],
-            scale,
-            data,
-            tuple(assembly.bound(C.data, workers) for assembly in symbolic.assemblies),
-            workers,
+            symbolic=symbolic,
+            cone=CompiledCone(*blocks, parts, workers) if symbolic.compiled else Cone(*blocks),
+            q=program.q / unit,
+            unit=unit,
+            offset=program.offset / unit,
+            C=C,
+            Ct=C.T.tocsr(),
+            c=c,
+            E=E,
+            Et=E.T.tocsr(),
+            e=right[:zero],
+            scale=scale,
+            data=data,
+            products=tuple(assembly.bound(C.data, workers) for assembly in symbolic.assemblies),
+            workers=workers,
         )
 
     def factor(self) -> Factor | FrontFactor:

@@ -275,16 +275,16 @@ def _pairs(
     leaders = order[::lanes]
     at = np.concatenate([[0], np.cumsum(lanes * (width * (width + 1) // 2))]).astype(np.int64)
     return BlockPairs(
-        lanes,
-        begin[:-1],
-        size,
-        member,
-        np.searchsorted(moment[leaders], np.arange(member[-1] + 1)),
-        i[leaders].astype(np.uint32),
-        j[leaders].astype(np.uint32),
-        nonzero[order],
-        at,
-        _places(low.reshape(-1, lanes), width, at, spot, tree),
+        lanes=lanes,
+        start=begin[:-1],
+        size=size,
+        member=member,
+        first=np.searchsorted(moment[leaders], np.arange(member[-1] + 1)),
+        row=i[leaders].astype(np.uint32),
+        column=j[leaders].astype(np.uint32),
+        source=nonzero[order],
+        at=at,
+        place=_places(low.reshape(-1, lanes), width, at, spot, tree),
     )
 
 
@@ -354,17 +354,17 @@ def _assembly(
     taken = np.where(inside, taken, first[blocks][:, None])
     place = tree.pairs(spot[taken], inside)
     return Assembly(
-        span,
-        count,
-        size,
-        width,
-        number[order],
-        (k * size + j)[order],
-        np.searchsorted(left[order], np.arange(count * size * width + 1)),
-        number[turned],
-        entry[turned],
-        np.searchsorted(right[turned], np.arange(count * width + 1)),
-        place.ravel(),
+        span=span,
+        count=count,
+        size=size,
+        moments=width,
+        left_source=number[order],
+        left_indices=(k * size + j)[order],
+        left_indptr=np.searchsorted(left[order], np.arange(count * size * width + 1)),
+        right_source=number[turned],
+        right_indices=entry[turned],
+        right_indptr=np.searchsorted(right[turned], np.arange(count * width + 1)),
+        place=place.ravel(),
     )
 
 
