@@ -21,7 +21,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
-from sparsepop_py.relaxation.hierarchy import RelaxationSpec, relaxation_specs
+from sparsepop_py.relaxation.hierarchy import RelaxationSpec
 from sparsepop_py.strategy import adaptive
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import TreeSettings
@@ -31,7 +31,6 @@ from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 INF = np.inf
-ALL_SPECS = relaxation_specs
 
 
 def never():
@@ -195,15 +194,6 @@ def test_an_executor_leads_to_the_same_bound(pool):
     bounds = [search.certificate().bound for search in (alone, shared)]
     assert bounds[0] == pytest.approx(bounds[1], abs=1e-9)
     assert shared.certificate().verify(problem).ok
-
-
-@pytest.fixture
-def only_branch(monkeypatch):
-    """Leave only the linear relaxation and branch and bound."""
-    monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
-    )
 
 
 def test_the_adaptive_search_branches_where_nothing_else_is_left(only_branch):

@@ -11,7 +11,6 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from multiprocessing import get_context
 
 import pytest
-from loop_cases import ALL_SPECS
 from search_cases import bilinear, least_on_a_grid
 from solved import check
 
@@ -19,15 +18,6 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Status
 from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import Deadline, LimitReached
-
-
-@pytest.fixture
-def only_branch(monkeypatch):
-    """Leave only the linear relaxation and branch and bound."""
-    monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
-    )
 
 
 class Refusing(Executor):

@@ -39,3 +39,8 @@ def assert_rows_hold(program, y):
         matrix[i, j] = matrix[j, i] = entries
         assert np.linalg.eigvalsh(matrix)[0] > -1e-8 * max(1.0, np.abs(matrix).max())
         offset += i.size
+
+
+def safe_value(p, z):
+    """The bound that z in K* proves, with moments in [-1, 1]."""
+    return p.offset - p.b @ z - np.abs(p.q + p.A.T @ z).sum()

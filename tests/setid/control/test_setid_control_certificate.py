@@ -48,6 +48,7 @@ def test_the_printed_example_is_what_the_notes_say() -> None:
         M.response(omega) - K.response(omega) * P.response(omega) * (1 - M.response(omega))
     )
     assert delta.max() == pytest.approx(TRUE_MAX, abs=1e-6)
+    assert delta[0] == pytest.approx(TRUE_ZERO, abs=1e-5)
     poles = np.roots([float(c) for c in control.references.characteristic(K, P)])
     assert np.abs(poles).max() == pytest.approx(TRUE_POLE, abs=1.1e-5)  # .928460, printed .92847
     assert stabilises(K, P)
@@ -59,6 +60,7 @@ def test_small_gain_at_60_decibel() -> None:
     assert TRUE_MAX <= found.bound < 0.06
     assert [c.holds for c in found.conditions] == [None, True, True]
     assert found.arcs[0][0] == 0.0 and found.arcs[-1][1] == pytest.approx(np.pi)
+    assert found.arcs[0][2] >= TRUE_ZERO  # where K and 1 - M have a pole and a zero
     # the bound holds on the whole circle: compare with the true Delta between grid points
     for low, high, bound in found.arcs:
         omega = np.linspace(max(low, 1e-6), high, 7)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sps
+from relaxed import safe_value
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
@@ -33,11 +34,6 @@ def least_eigenvalues(cones, z):
         found.append(np.linalg.eigvalsh(matrix)[0])
         offset += i.size
     return np.array(found)
-
-
-def safe_value(p, z):
-    """What z proves of moments in [-1, 1], z in K*."""
-    return p.offset - p.b @ z - np.abs(p.q + p.A.T @ z).sum()
 
 
 def output_error(seed, samples=12, box=lambda a, b: (a, b), prior=lambda a, b: []):

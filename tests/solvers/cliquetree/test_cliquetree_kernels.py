@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sps
+from relaxed import safe_value
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
@@ -36,11 +37,6 @@ def bilinear():
     f = sp.total([x[i] * x[i + 1] - 0.3 * x[i] for i in range(7)])
     rows = [x[0] + x[1] * x[2] == 0.25, x[4] - x[7] <= 0.5, x[5] ** 2 + x[6] ** 2 == 0.5]
     return program(Problem(f, rows, -1, 1), 2, lean=True, products=True)
-
-
-def safe_value(p, z):
-    """What z proves of moments in [-1, 1], z in K*."""
-    return p.offset - p.b @ z - np.abs(p.q + p.A.T @ z).sum()
 
 
 def empty():
