@@ -116,5 +116,5 @@ def _caught(function: Callable[..., Any], arguments: Any, named: Any) -> tuple[b
     """Return an exception of the function, so that all others are those of Ray."""
     try:
         return True, function(*arguments, **named)
-    except Exception as error:
+    except Exception as error:  # whatever the task raises: its future raises it
         return False, error

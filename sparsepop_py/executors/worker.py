@@ -42,7 +42,7 @@ def _answer(call: bytes) -> bytes:
     try:
         function, arguments, named = pickle.loads(call)
         return pickle.dumps((True, function(*arguments, **named)), 5)
-    except Exception as error:
+    except Exception as error:  # whatever the task raises: its future raises it
         found: Any = error
         found.add_note(traceback.format_exc())
         try:

@@ -152,7 +152,7 @@ class TurnsApart:
                 (turn, search.context.stages.searched), self._live(search.context.stages)
             )
             self.running[self.executor.submit(run_timed, _in_worker, packet)] = number, turn
-        except Exception as error:
+        except Exception as error:  # of any executor; this process takes the turns instead
             self._fail(error)
         finally:
             search.outcome = whole

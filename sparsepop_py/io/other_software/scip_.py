@@ -282,7 +282,7 @@ def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, _Writt
         try:
             model.writeProblem(str(path), genericnames=True, verbose=False)
             text = path.read_text()
-        except Exception as error:
+        except Exception as error:  # PySCIPOpt raises Exception itself
             raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
     text = text.partition("Subject to")[2].partition("\nBounds")[0]
     return {
