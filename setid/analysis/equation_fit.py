@@ -25,6 +25,8 @@ __all__ = ["corrected", "minimiser"]
 
 Reals = NDArray[np.float64]
 
+_AT_END = 1e-9  # from an end of their range: multipliers of linear programs that lie there
+
 
 def minimiser(rows: Regression, norm: Norm) -> tuple[Reals, Reals]:
     """Minimise |Y + R theta|; return theta and multipliers (R,) that nearly prove it.
@@ -65,11 +67,8 @@ def _least_sum(y: Reals, a: Reals) -> tuple[Reals, Reals]:
     equal = sps.csr_array(scaled.T), np.zeros(p)
     found = solve_scaled(-y, (nothing, np.zeros(0)), equal, (-ends, ends))
     _check_solved(found)
-    theta = found.dual / size
-    errors = y + a @ theta  # a vertex: the signs of errors, and what balances them where it is zero
-    signs = np.sign(errors)
-    signs[np.argsort(np.abs(errors))[: _independent(a).size]] = 0.0
-    return theta, signs
+    near = ends - np.abs(found.x) < _AT_END
+    return found.dual / size, np.where(near, np.sign(found.x), found.x)
 
 
 def _check_solved(found: LinearSolution) -> None:
@@ -91,8 +90,9 @@ def corrected(rows: Regression, dual: Reals, norm: Norm) -> Multipliers:
     p = a.shape[1]
     values = [Fraction(float(v)) for v in dual]
     size = np.abs(dual)
-    if norm == "l1":  # change those that are not at their bound
-        weight = np.where(size > 0, 1e-6, 1.0)
+    if norm == "l1":  # change those that are far from their bound
+        most = size.max(initial=1e-300)
+        weight = most - size + 1e-6 * most
     else:
         weight = size + 1e-3 * size.max(initial=1e-300)
     order = _by_size((_in_units(a)[0] * weight[:, None]).T)

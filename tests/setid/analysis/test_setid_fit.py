@@ -389,3 +389,22 @@ def test_euclidean_errors_have_no_range(size: float) -> None:
         found = setid.fit(setid.IOData(u, y * size), model, options=plain)
     assert found.error / size == pytest.approx(float(np.linalg.norm(rest)), rel=1e-3)
     assert found.gap >= 0.0 and found.verify()
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "offset", "least"),
+    [
+        # b = -1/2 is a weighted median of y / u, with the errors 3/2, 0, 0 and 1/2
+        ([-1, 2, 2, -2], [-1, -1, -1, 0.5], False, 2.0),
+        # two inputs, and two readings of each: no less than their distances 3/2 and 2
+        ([-1, -2, -1, -2], [1, -1, -0.5, 1], True, 3.5),
+    ],
+)
+def test_the_least_sum_of_equation_errors_is_proved_where_rows_repeat(
+    u: list[float], y: list[float], offset: bool, least: float
+) -> None:
+    model = setid.TransferFunction(na=0, nb=1, offset=offset)
+    found = setid.fit(setid.IOData(u, y), model, "l1", "equation")
+    assert found.lower_bound == pytest.approx(least, rel=1e-12)
+    assert found.error == pytest.approx(least, rel=1e-12)
+    assert found.lower_bound <= least <= found.error and found.verify()
