@@ -46,6 +46,7 @@ __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
 _SECONDS = 30.0  # for a least noise level, where there is no limit
+_NOT_FINITE = "some intervals are not finite"
 _GAIN = 0.7  # of the noise that another structure needs, for it to be worth while
 
 
@@ -195,7 +196,8 @@ def select(
     width : float, optional
         Largest half width, relative, that is wanted. Where intervals are wider, ``advice`` says
         whether a better sensor or a higher degree pays, from the least noise that explains the
-        record with this structure and with the next.
+        record with this structure and with the next: of those to try, else of one more degree, or
+        of one more order where a degree makes no difference.
     executor : concurrent.futures.Executor, optional
         Tries all structures at once, each as one task with an equal share of the time limit.
         Those behind the first that is kept are dropped, so the steps are the same.
@@ -256,8 +258,7 @@ def select(
     more, untried = _without_idle(step, given, removal) if remove_idle else ([], ())
     last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
     behind = tried[len(steps) :]
-    following = behind[0] if behind else (step.order, step.degree + 1)
-    advice = "" if width is None else _width(last, width, make, following, given, deadline)
+    advice = "" if width is None else _width(last, width, make, behind, given, deadline)
     return Selection((*steps, *more), last, _coefficients(last.result, untried), advice)
 
 
@@ -366,26 +367,53 @@ def _width(
     step: SelectionStep,
     width: float,
     make: Family,
-    following: tuple[int, int],
+    behind: Sequence[tuple[int, int]],
     given: _Given,
     deadline: Deadline,
 ) -> str:
     """Say whether noise or structure makes intervals wide."""
     widest = max(_relative(item) for item in step.result.intervals.values())
+    shown = _NOT_FINITE if widest == inf else f"widest interval {100 * widest:.2g} % of its size"
     if widest <= width:
-        return f"widest interval {100 * widest:.2g} % of its size: as narrow as asked"
-    shown = f"widest interval {100 * widest:.2g} % of its size, {100 * width:.2g} % asked"
+        return f"{shown}: as narrow as asked"
+    shown += f", {100 * width:.2g} % asked"
     if deadline.late:
         return f"{shown}; there was no time to find out whether noise or structure makes it wide"
+    found = _following(make, (step.order, step.degree), behind)
+    if found is None:
+        return f"{shown}; no other structure was found to compare the noise with that it needs"
     data, noise, priors, options = given
+    (order, degree), following = found
     limits = Deadline(2 * _SECONDS) if deadline.unlimited else deadline
-    model = step.result.formulation.model
-    own = consistency(data, model, noise, priors, options.within(limits, 0.5)).scale
-    other = consistency(data, make(*following), noise, priors, options.within(limits)).scale
+    known, half = step.result.formulation, options.within(limits, 0.5)
+    own = consistency(data, known.model, noise, known.priors, half).scale  # terms left out stay out
+    other = consistency(data, following, noise, priors, options.within(limits)).scale
     return (
-        f"{shown}; this structure needs {_times(own)} the noise bounds, order {following[0]}, "
-        f"degree {following[1]} needs {_times(other)}: {_what_pays(own, other)}"
+        f"{shown}; this structure needs {_times(own)} the noise bounds, order {order}, "
+        f"degree {degree} needs {_times(other)}: {_what_pays(own, other)}"
     )
+
+
+def _following(
+    make: Family, sizes: tuple[int, int], behind: Sequence[tuple[int, int]]
+) -> tuple[tuple[int, int], Structure] | None:
+    """Make the next structure that is another one: of those to try, or of more degree or order."""
+    order, degree = sizes
+    own = _told_apart(make(order, degree))
+    for larger in [*behind, (order, degree + 1), (order + 1, degree)]:
+        try:
+            found = make(*larger)
+        except Exception:  # a family of the caller may have none of sizes that were not asked for
+            if larger in behind:
+                raise
+            continue
+        if _told_apart(found) != own:
+            return larger, found
+    return None
+
+
+def _told_apart(model: Structure) -> tuple[str, tuple[str, ...]]:
+    return repr(model), tuple(model.parameters)
 
 
 def _times(scale: tuple[float, float]) -> str:
@@ -415,7 +443,7 @@ def _decision(result: Identification) -> tuple[str, str]:
         return "open", found + _notes_on(result)
     widest = max(_relative(item) for item in result.intervals.values())
     if not np.isfinite(widest):
-        return "kept", "consistent parameters exist; some intervals are not finite"
+        return "kept", f"consistent parameters exist; {_NOT_FINITE}"
     return "kept", f"consistent parameters exist; widest interval {100 * widest:.2g} % of its size"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from math import inf
@@ -66,10 +67,10 @@ def test_sparse_terms_of_a_large_dictionary_are_proved_to_suffice() -> None:
 
 def test_wide_intervals_are_put_down_to_noise_or_to_structure() -> None:
     noise = setid.Noise(equation=0.6)
-    model = {1: ["y1", "u1"], 2: ["y1", "u1", "u1^2"]}
+    terms = ["y1", "u1", "u1^2", "u1^3"]
 
     def family(order: int, degree: int) -> setid.PolynomialNARX:
-        return setid.PolynomialNARX(model[min(degree, 2)], ny=1, nu=1)
+        return setid.PolynomialNARX(terms[: degree + 1], ny=1, nu=1)
 
     poor = setid.select(record(), family, noise, [1], [1, 2], width=0.05)
     assert poor.chosen is not None and poor.chosen.degree == 1
@@ -165,3 +166,48 @@ def test_advice_follows_from_least_factors(monkeypatch, own, other, texts) -> No
     monkeypatch.setattr(select, "consistency", lambda *given: Found(next(scales)))
     found = setid.select(record(), full, setid.Noise(equation=0.6), [1], [1], width=0.05)
     assert all(text in found.advice for text in texts)
+
+
+def needed(advice: str) -> tuple[float, float]:
+    """Ends of the factor that a structure is said to need."""
+    found = re.search(r"this structure needs ([0-9.]+) to ([0-9.]+) times", advice)
+    assert found is not None
+    return float(found[1]), float(found[2])
+
+
+def test_the_noise_of_a_reduced_structure_is_its_own() -> None:
+    """y = b u has the readings 1.1 and 0.9 of u = 1, so that b = 1 needs 0.1 of the noise 0.2."""
+    data = setid.IOData([1, 1, 1, -1, -1], [1.0, 1.1, 0.9, -1.0, -1.0])
+    asked = {"remove_idle": True, "width": 1e-3}
+    noise = setid.Noise(equation=0.2)
+    found = setid.select(data, setid.TransferFunction, noise, [1], **asked)
+    assert [n for n, text in found.coefficients.items() if "needed" in text] == ["b0"]
+    low, high = needed(found.advice)
+    assert low <= 0.5 <= high <= 0.51
+
+
+def test_a_structure_is_compared_with_another_one() -> None:
+    """Transfer functions have no degree: the next one is of more order."""
+    data = setid.IOData([1, 1, 2, -1, -1], [1.0, 1.1, 1.9, -1.0, -1.0])
+    noise = setid.Noise(equation=0.2)
+    for degrees in ([1], [1, 2]):
+        found = setid.select(data, setid.TransferFunction, noise, [0], degrees, width=1e-3)
+        assert "order 1, degree 1 needs" in found.advice
+
+
+def test_a_family_without_larger_structures_has_none_to_compare_with() -> None:
+    data = setid.IOData([1, 1, 2, -1, -1], [1.0, 1.1, 1.9, -1.0, -1.0])
+    noise = setid.Noise(equation=0.2)
+
+    def family(order: int, degree: int) -> setid.TransferFunction:
+        return {(0, 1): setid.TransferFunction(0, 1)}[order, degree]
+
+    found = setid.select(data, family, noise, [0], width=1e-3)
+    assert found.chosen is not None and "no other structure was found" in found.advice
+
+
+def test_intervals_without_ends_are_not_said_to_have_a_width() -> None:
+    data = setid.IOData([1, -1, 2], [1.0, -1.0, 2.0])  # two rows, three parameters
+    noise = setid.Noise(equation=0.2)
+    found = setid.select(data, setid.TransferFunction, noise, [1], width=0.1)
+    assert found.advice.startswith("some intervals are not finite, 10 % asked")
