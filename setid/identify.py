@@ -11,11 +11,13 @@ import time
 import warnings
 from collections.abc import Iterable
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import replace
 from math import inf
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
@@ -25,9 +27,11 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError, SetidWarning, warns_once
 from setid.formulation.formulation import formulate
+from setid.formulation.regression import check_channels
 from setid.identifiability.reference import reference_model, refuse
 from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
+from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
 from setid.options import Options, checked_options, with_executor
@@ -46,6 +50,8 @@ from sparsepop_py.budget import LimitReached
 from sparsepop_py.result import INTERRUPTED
 
 __all__ = ["identify"]
+
+Reals = NDArray[np.float64]
 
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
 _REST = 10.0  # seconds for that part, where no time is given
@@ -159,6 +165,10 @@ def _held_out(
     except DataError as error:
         raise DataError(str(error).replace("at:", "holdout:", 1)) from None
     own, other = _noise_of(noise, data, first)
+    check_channels(data, model)
+    for part, its, what in ((first, own, "to identify from"), (rest, other, "held out")):
+        if part is not data:  # before the work, which would be lost
+            _check_part(part, model, its, what)
     share = None if settings.time_limit is None else _FIRST * settings.time_limit
     timed = replace(settings, time_limit=share)
     found = identify(first, model, own, priors, timed, on_progress=on_progress)
@@ -173,14 +183,33 @@ def _held_out(
     return replace(found, holdout=Holdout(level))
 
 
+def _check_part(data: IOData, model: Structure, noise: Noise, what: str) -> None:
+    """Refuse a part of the samples that does not fit, or has no equation."""
+    try:
+        formulate(data, from_unknown_start(without_delta(model)), noise)
+    except (DataError, NoiseError) as error:
+        raise type(error)(f"holdout: of the samples {what}, {error}") from None
+
+
 def _noise_of(noise: Noise, data: IOData, first: IOData) -> tuple[Noise, Noise]:
     """Noise of both parts of a record; bounds that are given one a sample are split as it is."""
     each = [np.shape(getattr(noise, kind))[:1] for kind in ("output", "input", "equation")]
     if first is data or (data.samples,) not in each:
         return noise, noise
-    eta, xi, e = noise.bounds(data)
+    bounds = noise.covering(0.0).bounds(data)
     k = first.samples
-    return Noise(eta[:k], xi[:k], e[:k]), Noise(eta[k:], xi[k:], e[k:])
+    return (
+        _with_bounds(noise, *(values[:k] for values in bounds)),
+        _with_bounds(noise, *(values[k:] for values in bounds)),
+    )
+
+
+def _with_bounds(noise: Noise, output: Reals, input: Reals, equation: Reals) -> Noise:
+    """Noise with bounds one a sample; what it says of where they come from, it says still."""
+    found, more = copy(noise), {"output": output, "input": input, "equation": equation}
+    for field, value in {**more, "relative": False}.items():
+        object.__setattr__(found, field, value)
+    return found
 
 
 def _with_remarks(found: Identification, context: BoundingContext) -> Identification:

@@ -158,7 +158,7 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     Raises
     ------
     DataError
-        If no input changes, or there are several records.
+        If no input changes, there are several records, or the channels of both records differ.
 
     Examples
     --------
@@ -184,6 +184,11 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
         bound = estimate_noise_bound(np.concatenate(parts)) if parts else None
     else:
         bound = estimate_noise_bound(zero_record)
+        if bound.value.size != step_record.outputs:
+            raise DataError(
+                f"zero_record: found {bound.value.size} channels, expected "
+                f"{step_record.outputs}, one an output of step_record"
+            )
         parts = [zero_record.y if isinstance(zero_record, IOData) else np.asarray(zero_record)]
     counts = [int(np.min(np.count_nonzero(~np.isnan(part), axis=0))) for part in parts]
     found = Advice(

@@ -361,8 +361,8 @@ def estimate_noise_bound(
 
     Raises
     ------
-    DataError
-        If the input of the record is not zero throughout.
+    NoiseError
+        If the input of the record is not zero throughout, or what is given is no record.
 
     Examples
     --------
@@ -380,6 +380,10 @@ def estimate_noise_bound(
     record = zero_input_record
     if not isinstance(record, IOData):
         values = real_array(record, "zero_input_record", NoiseError)
+        if values.ndim not in (1, 2) or not values.size:
+            raise NoiseError(
+                f"zero_input_record: found shape {values.shape}, expected (N,) or (N, channels)"
+            )
         record = IOData(np.zeros(values.shape[:1]), values)
     if np.any(np.nan_to_num(record.u) != 0.0):
         raise NoiseError("zero_input_record: found inputs that are not zero, expected rest")

@@ -7,6 +7,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from setid.data.checks import number
 from setid.data.digits import all_digits
@@ -18,7 +19,7 @@ from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Verification
-from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
+from setid.proofs.least_noise.noise_scale import NoiseScale, verify_scale
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["READ_OFF", "Consistency"]
 
+Reals = NDArray[np.float64]
+
 READ_OFF = "read off this record"
+_ROUNDING = 2.0**-50
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -93,6 +97,8 @@ class Consistency(NoiseScale):
     def noise_bound(self, margin: float = 1.0) -> Noise:
         """Read noise bounds off this record: the attained factor times the bounds as given.
 
+        Bounds that are one a channel, or shares of readings, stay so and fit another record.
+
         A model error ``delta`` counts as output noise: what is left of that beyond ``delta`` as
         given is returned, for identification with the same structure.
 
@@ -126,17 +132,21 @@ class Consistency(NoiseScale):
         if not self.scale[1] < inf:
             raise NoiseError("scale: found no attained factor, expected one to read a bound off")
         text = f"{READ_OFF} ({all_digits(factor)} times the least bound that explains it)"
-        data = self.formulation.data
-        kept: dict[str, Any] = {}
-        bounds = scaled_noise(self.noise.bounds(data), factor * self.scale[1]).bounds(data)
-        if error := self.noise.model_error:
-            left = np.maximum(np.nextafter(bounds[0] - error, inf), 0.0)
-            bounds = np.where(bounds[0] > 0, left, 0.0), *bounds[1:]
+        data, noise, error = self.formulation.data, self.noise, self.noise.model_error
+        if error:
             text += f", beyond delta = {all_digits(error)}"
-        for kind, values in zip(("output", "input", "equation"), bounds, strict=True):
+            if noise.relative:  # beside delta they are no shares of the readings
+                noise = Noise(*noise.covering(0.0).bounds(data))
+        kept: dict[str, Any] = {"relative": noise.relative}
+        channels = {"output": data.outputs, "input": data.inputs, "equation": data.outputs}
+        for kind, count in channels.items():
+            given = np.asarray(getattr(noise, kind), np.float64)
+            values = _times(given, factor * self.scale[1], error if kind == "output" else 0.0)
+            if noise.relative:  # products with readings are rounded up, once more or less
+                values = values * (1.0 + _ROUNDING)
             if np.any(values > 0):
-                same = bool(np.all(values == values[0]))
-                kept[kind] = EstimatedBound(values[0] if same else values, 0.0 * values[0], text)
+                values = np.full(count, values) if values.ndim == 0 else values
+                kept[kind] = EstimatedBound(values, np.zeros(count), text)
         return Noise(**kept)
 
     def verify(self) -> Verification:
@@ -187,6 +197,14 @@ class Consistency(NoiseScale):
     def __repr__(self) -> str:
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
         return f"<Consistency: factor {low} (proved) to {high} (attained)>"
+
+
+def _times(bound: Reals, factor: float, error: float) -> Reals:
+    """Multiply bounds, an error beside them included, and take that off again; rounded up."""
+    whole = np.nextafter(bound + error, inf) if error else bound
+    more = np.nextafter(whole * factor, inf)
+    left = np.maximum(np.nextafter(more - error, inf), 0.0) if error else more
+    return np.where(whole > 0, left, 0.0)
 
 
 _MEANING = {

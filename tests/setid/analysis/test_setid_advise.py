@@ -217,3 +217,8 @@ def test_widths_of_continuous_structures_need_the_interval() -> None:
     two = setid.excitation(shapes[1], [2, 2], u, noise)
     assert one.widths == pytest.approx(two.widths)
     assert "nothing of any parameter" in setid.excitation(shapes[1], [2, 2], 0 * u, noise).text
+
+
+def test_a_record_at_rest_has_the_channels_of_the_step_record() -> None:
+    with pytest.raises(setid.DataError, match="zero_record: found 3 channels, expected 1"):
+        setid.advise(step(), np.zeros((20, 3)))

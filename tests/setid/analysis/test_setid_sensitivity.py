@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from setid.analysis import sensitivity as sensitivity_module
 from setid.analysis.sensitivity import _drawn as read
 from setid.minimum_noise.consistency_result import READ_OFF
 from setid.result.identification import INTERRUPTED
+
+identify_module = import_module("setid.identify")
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
 FIRST = setid.TransferFunction(na=1, nb=1)
@@ -184,6 +187,53 @@ def test_a_bound_read_off_the_record_is_named_as_such() -> None:
     assert found.least.scale[1] == pytest.approx(1 / 1.05, rel=1e-6)
     with pytest.raises(setid.NoiseError, match="margin"):
         level.noise_bound(0.9)
+
+
+def test_a_bound_read_off_stays_one_a_channel_where_readings_are_missing() -> None:
+    """y = b u: the readings 0.9 and 1.1 of u = 1 need 0.1 = 2 x 0.05, and a missing one nothing."""
+    model, noise = setid.TransferFunction(0, 1), setid.Noise(output=0.05)
+    data = setid.IOData([1, 1, 2], [0.9, 1.1, np.nan])  # b = 1
+    found = setid.consistency(data, model, noise, (), QUIET).noise_bound(1.5)
+    other = setid.IOData([1, 1, 2, 3], [1.0, 1.0, 2.1, 3.0])
+    assert found.bounds(other)[0].ravel() == pytest.approx([0.15] * 4)
+
+
+def test_a_bound_read_off_shares_of_readings_is_one_of_them() -> None:
+    """The readings 1.1 and 0.9 of u = 1 need shares x with 1.1 (1 - x) = 0.9 (1 + x)."""
+    model, noise = setid.TransferFunction(0, 1), setid.Noise(output=0.05, relative=True)
+    data = setid.IOData([1, 1, 2], [1.1, 0.9, 2.0])
+    level = setid.consistency(data, model, noise, (), QUIET)
+    found = level.noise_bound()
+    assert found.relative and found.output == pytest.approx([0.1])
+    assert np.all(found.bounds(data)[0] >= noise.bounds(data)[0] * level.scale[1])
+    assert found.bounds(setid.IOData([1, 2], [4.0, 1.0]))[0].ravel() == pytest.approx([0.4, 0.1])
+
+
+def test_a_bound_read_off_is_named_as_such_where_samples_are_held_out() -> None:
+    data, model = plant(0.1), setid.TransferFunction(1, 1, 1)
+    each = setid.Noise(equation=np.where(np.arange(60) < 30, 1.0, 2.0))
+    noise = setid.consistency(data, model, each).noise_bound(3)
+    found = setid.identify(data, model, noise, (), QUIET, holdout=0.5)
+    assert any(READ_OFF in text for text in found.assumptions)
+    assert found.holdout is not None and found.verify()
+    assert setid.Identification.from_json(found.to_json()).holdout is not None
+
+
+@pytest.mark.parametrize(
+    ("holdout", "noise", "text"),
+    [
+        (setid.IOData([[1, 2], [2, 1], [1, 1]], [1, 2, 3]), 0.5, "held out, data: found 2 inputs"),
+        (setid.IOData([1, 2, 3], [1, 2, 3]), np.full(4, 0.5), "held out, equation: found shape"),
+        (1, 0.5, "to identify from, data: found 1 samples"),
+        (3, 0.5, "held out, data: found 1 samples"),
+    ],
+)
+def test_samples_that_cannot_be_held_out_are_refused_before_the_work(
+    monkeypatch: pytest.MonkeyPatch, holdout: Any, noise: Any, text: str
+) -> None:
+    monkeypatch.setattr(identify_module, "bound_parameters", lambda *given: pytest.fail("work"))
+    with pytest.raises(setid.SetidError, match=f"holdout: of the samples {text}"):
+        setid.identify(DATA, FIRST, setid.Noise(equation=noise), (), QUIET, holdout=holdout)
 
 
 def test_held_out_samples_check_the_bound() -> None:

@@ -54,6 +54,8 @@ def test_a_proportional_error_is_covered() -> None:
         (lambda: setid.EnergyBound("sound", 1), "kind: found 'sound', expected one of output"),
         (lambda: setid.RateLimit("output", -1), "limit: found -1, expected a number >= 0"),
         (lambda: setid.estimate_noise_bound([1, 2], margin=0.5), "margin: found 0.5"),
+        (lambda: setid.estimate_noise_bound(0.1), "zero_input_record: found shape \\(\\)"),
+        (lambda: setid.estimate_noise_bound([]), "zero_input_record: found shape \\(0,\\)"),
         (lambda: setid.estimate_noise_bound(setid.IOData([0, 1], [1, 2])), "expected rest"),
     ],
 )
