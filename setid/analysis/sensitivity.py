@@ -28,7 +28,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.html import listing, section
 from setid.html import table as html_table
 from setid.identify import identify
-from setid.minimum_noise.consistency_result import READ_OFF, Consistency
+from setid.minimum_noise.consistency_result import READ_OFF, Consistency, ends_of
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options, check_executor, checked_options
@@ -194,11 +194,7 @@ class Sensitivity:
         return rows
 
     def _remarks(self) -> list[str]:
-        low, high = self.least.scale
-        lines = [
-            "least factor that explains the record: "
-            f"{rounded(low, False, 4)} (proved) to {rounded(high, True, 4)} (attained)"
-        ]
+        lines = [f"least factor that explains the record: {ends_of(self.least.scale, 4)}"]
         if self.least.noise.model_error:
             lines.append(f"each factor multiplies {self.least.noise.scaled}")
         if any(READ_OFF in text for text in self.least.noise.assumptions):
@@ -210,6 +206,8 @@ class Sensitivity:
         if name not in self.levels:
             return f"sign of {name}: given by priors"
         proved, attained = self.lost[name]
+        if proved == inf:
+            return f"sign of {name}: proved at every factor"
         found = f"lost at {rounded(attained, True, 4)}"
         last = found if attained < inf else "not found lost at any"
         return f"sign of {name}: proved up to factor {rounded(proved, False, 4)}, {last}"

@@ -25,7 +25,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["READ_OFF", "Consistency"]
+__all__ = ["READ_OFF", "Consistency", "ends_of"]
 
 Reals = NDArray[np.float64]
 
@@ -155,9 +155,7 @@ class Consistency(NoiseScale):
 
     def summary(self) -> str:
         """Describe the factor and what it rests on in a few lines."""
-        low, high = self.scale
-        ends = f"{rounded(low, False, 6)} (proved) to {rounded(high, True, 6)} (attained)"
-        lines = [f"least factor on {self.noise.scaled}: {ends}"]
+        lines = [f"least factor on {self.noise.scaled}: {ends_of(self.scale, 6)}"]
         lines.append(_MEANING[self.explains])
         if self.theta is not None:
             pairs = zip(_names(self.formulation), self.theta.tolist(), strict=True)
@@ -187,7 +185,8 @@ class Consistency(NoiseScale):
         return plot_consistency(self, ax)
 
     def _repr_html_(self) -> str:
-        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
+        low = rounded(self.scale[0], False, 6)
+        high = rounded(self.scale[1], True, 6) if self.scale[1] < inf else "none"
         return section(
             _MEANING[self.explains],
             table(["", "proved", "attained"], [[f"factor on {self.noise.scaled}", low, high]]),
@@ -195,8 +194,24 @@ class Consistency(NoiseScale):
         )
 
     def __repr__(self) -> str:
-        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
-        return f"<Consistency: factor {low} (proved) to {high} (attained)>"
+        return f"<Consistency: factor {ends_of(self.scale, 6)}>"
+
+
+def ends_of(scale: tuple[float, float], digits: int) -> str:
+    """Write a least factor between its proved and its attained end.
+
+    Parameters
+    ----------
+    scale : (float, float)
+    digits : int
+    """
+    low, high = scale
+    if low == inf:
+        return "none, however large (proved)"
+    ends = f"{rounded(low, False, digits)} (proved)"
+    if high == inf:
+        return f"{ends}, none found that is attained"
+    return f"{ends} to {rounded(high, True, digits)} (attained)"
 
 
 def _times(bound: Reals, factor: float, error: float) -> Reals:

@@ -41,8 +41,8 @@ def plot_consistency(found: Consistency, ax: Axes | None = None) -> Axes:
     """
     axes = new_axes(ax, (7.0, 1.8))
     low, high = found.scale
-    end = 1.25 * max(1.0, low, high if np.isfinite(high) else 0.0)
-    axes.axvspan(0.0, low, color=PROVED, alpha=0.35, lw=0, label="inconsistent (proved)")
+    end = 1.25 * max(1.0, *(value if value < np.inf else 0.0 for value in found.scale))
+    axes.axvspan(0.0, min(low, end), color=PROVED, alpha=0.35, lw=0, label="inconsistent (proved)")
     if np.isfinite(high):
         axes.axvspan(high, end, color=ATTAINED, alpha=0.35, lw=0, label="consistent (attained)")
     axes.axvline(1.0, color=ink(), lw=1, label="the bounds as given")
@@ -64,16 +64,17 @@ def plot_sensitivity(found: Sensitivity, ax: Axes | None = None) -> Axes:
     axes = new_axes(ax, (7.0, 4.0))
     order = np.argsort(found.factors)
     low, high = found.outer[order, :, 0], found.outer[order, :, 1]
+    finite = np.isfinite(low) & np.isfinite(high)
     with np.errstate(invalid="ignore", divide="ignore"):
-        size = np.maximum(np.abs(low), np.abs(high)).max(axis=0)
-        width = np.where(low <= high, high - low, np.nan) / size
+        size = np.where(finite, np.maximum(np.abs(low), np.abs(high)), 0.0).max(axis=0)
+        width = np.where(finite, high - low, np.nan) / size
     for i, name in enumerate(found.names):
         colour = _CYCLE[i % len(_CYCLE)]
         axes.plot(found.factors[order], width[:, i], "o-", ms=4, color=colour, label=name)
         proved, attained = found.lost.get(name, (np.inf, np.inf))
-        end = attained if np.isfinite(attained) else proved
+        end, what = (attained, "lost") if np.isfinite(attained) else (proved, "proved up to here")
         if end <= found.factors.max():
-            axes.axvline(end, color=colour, ls=":", lw=1.5, label=f"sign of {name} lost")
+            axes.axvline(end, color=colour, ls=":", lw=1.5, label=f"sign of {name} {what}")
     axes.set_xlabel(f"factor on {found.base.formulation.noise.scaled}")
     axes.set_ylabel("outer width, relative")
     axes.grid(alpha=0.3)
@@ -93,7 +94,8 @@ def plot_advice(found: Advice, ax: Axes | None = None) -> Axes:
     for name, values in zip(data.output_labels, data.y.T, strict=True):
         axes.plot(data.time, values, lw=1, color=ink(), label=plain(name))
     if np.isfinite(found.settling_time):
-        begin = data.time[int(np.argmax(np.abs(np.diff(data.u, axis=0)).max(axis=1))) + 1]
+        change = np.nan_to_num(np.abs(np.diff(data.u, axis=0)))  # missing samples say nothing
+        begin = data.time[int(np.argmax(change.max(axis=1))) + 1]
         end = begin + found.settling_time
         axes.axvspan(begin, end, color=PROVED, alpha=0.2, lw=0, label="transient")
     axes.set_xlabel(time_label(data.time_unit))
@@ -115,7 +117,9 @@ def plot_excitation(found: Excitation, ax: Axes | None = None) -> Axes:
     shown = np.where(np.isfinite(share), share, 0.0)
     axes.barh(range(len(found.names)), shown, color=ATTAINED)
     for place in np.flatnonzero(~np.isfinite(share)):
-        axes.text(0.0, float(place), "unbounded", va="center")
+        half = 0.5 * found.widths[place]
+        text = f"± {half:.3g}, of zero" if np.isfinite(half) else "unbounded"
+        axes.text(0.0, float(place), text, va="center")
     axes.axvline(30.0, color=ink(), lw=1)
     axes.set_yticks(range(len(found.names)), found.names)
     axes.invert_yaxis()

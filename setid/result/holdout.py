@@ -11,13 +11,13 @@ import numpy as np
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
+from setid.minimum_noise.consistency_result import ends_of
 from setid.models.continuous import without_delta
 from setid.models.general import from_unknown_start
 from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
-from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Holdout", "members", "stated"]
 
@@ -66,16 +66,13 @@ class Holdout:
     @property
     def text(self) -> str:
         """One sentence."""
-        low, high = rounded(self.scale[0], False, 4), rounded(self.scale[1], True, 4)
         what = {
             True: "the noise bounds hold on the part that was held out",
             False: "the noise bounds are refuted by the part that was held out",
             None: "whether the noise bounds hold on the part that was held out is open",
         }[self.holds]
-        return (
-            f"{what} ({self.data.samples} samples): they need {low} (proved) to {high} (attained) "
-            f"times {self.level.noise.scaled}"
-        )
+        factor = f"least factor on {self.level.noise.scaled}: {ends_of(self.scale, 4)}"
+        return f"{what} ({self.data.samples} samples); {factor}"
 
     def verify(self, known: Formulation, intervals: Intervals) -> Verification:
         """Check both ends again, for members of the outer box of an identification.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -149,3 +150,57 @@ def test_a_missing_matplotlib_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[plot\]"):
         require_matplotlib()
+
+
+QUADRANGLE = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+
+
+def test_a_factor_that_nothing_attains_is_drawn_and_said_as_such() -> None:
+    """The readings 1 and 2 of u = 1 are exact, so that no factor on 0.1 explains them."""
+    noise = setid.Noise(equation=[0.0, 0.0, 0.1])
+    found = setid.consistency(
+        setid.IOData([1, 1, 2], [1, 2, 3]), setid.TransferFunction(0, 1), noise
+    )
+    assert found.scale == (np.inf, np.inf) and found.verify()
+    assert "bounds: none, however large (proved)" in found.summary()
+    assert "none, however large" in repr(found) and ">none<" in found._repr_html_()
+    ax = found.plot()
+    assert legend(ax) == {"inconsistent (proved)", "the bounds as given"}
+    ax.figure.canvas.draw()
+
+
+def test_the_sign_of_a_sensitivity_is_lost_only_where_that_is_attained() -> None:
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    found = setid.identify(QUADRANGLE, model, noise).sensitivity([1.0, 4.0])
+    assert "sign of a1 lost" in legend(found.plot())
+    low, _ = found.lost["a1"]
+    unknown = replace(found, lost={"a1": (low, np.inf), "b0": (np.inf, np.inf)})
+    labels = legend(unknown.plot())
+    assert "sign of a1 proved up to here" in labels and "sign of a1 lost" not in labels
+
+
+def test_widths_are_shares_of_the_largest_finite_ends() -> None:
+
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    found = setid.identify(QUADRANGLE, model, noise).sensitivity([1.0, 4.0])
+    outer = found.outer.copy()
+    outer[1, 0] = -np.inf, np.inf
+    lines = replace(found, outer=outer).plot().get_lines()
+    (widths,) = [line.get_ydata() for line in lines if line.get_label() == "a1"]
+    low, high = found.outer[0, 0]
+    assert widths[0] == pytest.approx((high - low) / abs(low)) and np.isnan(widths[1])
+
+
+def test_a_transient_begins_at_the_step_beside_missing_inputs() -> None:
+    u = np.append(np.zeros(20), np.ones(180))
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u)
+    u[3] = np.nan
+    (span,) = setid.advise(setid.IOData(u, y, 0.01)).plot().patches
+    assert span.get_xy()[0] == pytest.approx(20 * 0.01)
+
+
+def test_the_width_about_a_parameter_of_zero_is_written_out() -> None:
+    """Rows |b0 + u' b1| <= 0.1 of u = u' = 1 and u = 1, u' = -1 leave |b1| <= 0.1."""
+    u, noise = [1, 1, -1, -1, 1], setid.Noise(equation=0.1)
+    ax = setid.excitation(setid.TransferFunction(0, 2), [1.0, 0.0], u, noise).plot()
+    assert [text.get_text() for text in ax.texts] == ["± 0.1, of zero"]
