@@ -44,6 +44,7 @@ _TAIL = 0.1  # of the record, from which the final value is taken
 _CONFIDENCE = 0.95
 _RUN = 5  # equal readings at an end of the range that count as saturation, at least
 _LEVELS = 0.5  # distinct values a sample, below which a channel counts as quantised
+_SAMPLES = 10**8  # of a square wave, at most
 _WIDE = 0.3  # relative half width from which a parameter is called wide
 
 
@@ -114,7 +115,7 @@ class Advice:
         SetidError
             If no sampling time is known, or a setting is none.
         """
-        count = natural(samples, "samples", SetidError, 1)
+        count = natural(samples, "samples", SetidError, 1, _SAMPLES)
         levels = number(low, "low", SetidError), number(high, "high", SetidError)
         if not np.all(np.isfinite(levels)):
             raise SetidError(f"low, high: found {low!r}, {high!r}, expected finite numbers")

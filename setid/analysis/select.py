@@ -25,7 +25,7 @@ from setid.consistency import consistency
 from setid.data.checks import entries_of, natural, number, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import ModelError, SetidError, warns_once
+from setid.errors import DataError, ModelError, SetidError, warns_once
 from setid.html import listing, section, table
 from setid.identify import identify
 from setid.minimum_noise.conflicting_samples import samples_listed
@@ -229,6 +229,8 @@ def select(
     if width is not None and not number(width, "width", SetidError) > 0:
         raise SetidError(f"width: found {width!r}, expected a number > 0")
     check_executor(executor)
+    if not isinstance(data, IOData):
+        raise DataError(f"data: found {type(data).__name__}, expected IOData")
     make = _family(family, data)
     sizes = _naturals(orders, "orders", 0)
     tops = _naturals(degrees, "degrees", 1)

@@ -11,7 +11,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.errors import ModelError
+from setid.errors import ModelError, SetidError
 from setid.formulation.completion import (
     Affine,
     affine,
@@ -90,6 +90,9 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
     >>> round(setid.least_noise(known, [-0.5, 2.0]).level, 4)
     1.0
     """
+    if not isinstance(formulation, Formulation):
+        found = type(formulation).__name__
+        raise SetidError(f"formulation: found {found}, expected Formulation")
     theta = formulation.parameter_vector(theta)
     layout = formulation.layout
     x = np.full(layout.dimension, np.nan)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from setid.data.checks import parameters_of
 from setid.errors import ModelError
-from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.proofs.uniqueness.normalisation import convert_ends, scaled_signals
 from sparsepop_py.verified.arithmetic.scalar_interval import (
@@ -99,6 +99,7 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     >>> sorted(ends), bool(ends["b0"][0] <= 1.0 <= ends["b0"][1])
     (['b0', 'gamma2'], True)
     """
+    check_result(result)
     model = result.formulation.model
     if not isinstance(model, BlockStructured):
         raise ModelError(f"result: found a {type(model).__name__}, expected a block structure")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from setid.data.checks import number
 from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound, Noise
-from setid.errors import NoiseError
+from setid.errors import NoiseError, SetidError
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import DRIVEN
 from setid.html import listing, section, table
@@ -91,8 +91,14 @@ class Consistency(NoiseScale):
         Parameters
         ----------
         tol : float
+
+        Raises
+        ------
+        SetidError
+            If that is no number.
         """
-        return self.scale[0] >= (1.0 - tol) * self.scale[1]
+        share = number(tol, "tol", SetidError)
+        return self.scale[0] >= (1.0 - share) * self.scale[1]
 
     def noise_bound(self, margin: float = 1.0) -> Noise:
         """Read noise bounds off this record: the attained factor times the bounds as given.

@@ -22,6 +22,12 @@ def select(**settings: Any) -> Any:
     return setid.select(DATA, setid.TransferFunction, NOISE, [1], **settings)
 
 
+def advice() -> setid.Advice:
+    u = np.append(np.zeros(20), np.ones(180))
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u)
+    return setid.advise(setid.IOData(u, y))
+
+
 def result() -> setid.Identification:
     data = setid.IOData([4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875])  # a published one
     return setid.identify(data, MODEL, NOISE_OF_EQUATIONS)
@@ -72,6 +78,23 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no list of orders": (
         lambda: setid.select(DATA, setid.TransferFunction, NOISE, orders=2),
         "orders: found int",
+    ),
+    "no record to select for": (
+        lambda: setid.select([1, 2], setid.TransferFunction, NOISE, orders=[1]),
+        "data: found list, expected IOData",
+    ),
+    "no formulation": (lambda: setid.least_noise(3, [1]), "formulation: found int, expected"),
+    "no result": (
+        lambda: setid.convert_intervals(None, "gamma1"),
+        "result: found NoneType, expected",
+    ),
+    "a tolerance that is a word": (
+        lambda: setid.consistency(DATA, MODEL, NOISE).is_within("x"),
+        "tol: found 'x', expected a number",
+    ),
+    "more samples than memory": (
+        lambda: advice().square_wave(10**400),
+        "samples: found a number above 100000000, expected at most that",
     ),
     "a width that is a word": (lambda: select(width="x"), "width: found 'x'"),
     "a negative width": (lambda: select(width=-1), "width: found -1, expected a number > 0"),
