@@ -121,7 +121,7 @@ def _eliminate(front, e, u, inverse):
                 beyond + WORD * m,
                 stride,
             )
-    return True
+    return n[4] == e  # which also keeps n alive: it is passed by its address
 
 
 @jit

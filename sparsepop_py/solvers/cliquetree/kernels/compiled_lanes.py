@@ -2,7 +2,8 @@
 
 Group k has size[k]^2 vectors of eight doubles from start[k] on, by rows: the entries at one
 place of eight blocks. So small blocks need no padding, and what is sequential in one block, such
-as a Cholesky factorization, is done in eight at once.
+as a Cholesky factorization, is done in eight at once. Numba frees an array after the last
+statement that names it, whatever is known of its address, so every turn of a loop names it.
 """
 
 # mypy: disallow-untyped-defs=False
@@ -56,9 +57,9 @@ def _product(a, a_step, b, b_step, low, high):
 def sandwich(left, middle, right, start, size, low, high, result):
     """Compute the symmetric part of P D Z of groups low to high - 1."""
     work = np.zeros(_room(size[low:high]))
-    t_at, half = work.ctypes.data, filled(0.5)
+    half = filled(0.5)
     for k in range(low, high):
-        s, b = size[k], start[k] * WORD
+        s, b, t_at = size[k], start[k] * WORD, work.ctypes.data
         row = s * _STEP
         p_at, d_at = left.ctypes.data + b, middle.ctypes.data + b
         z_at, r_at = right.ctypes.data + b, result.ctypes.data + b
@@ -169,10 +170,9 @@ def largest_step(inverse, direction, start, size, low, high, limit):
     """
     room = _room(size[low:high])
     work = np.zeros(3 * room)
-    x_at = work.ctypes.data
-    t_at, moved = x_at + room * WORD, x_at + 2 * room * WORD
     for k in range(low, high):
-        s, b = size[k], start[k] * WORD
+        s, b, x_at = size[k], start[k] * WORD, work.ctypes.data
+        t_at, moved = x_at + room * WORD, x_at + 2 * room * WORD
         row = s * _STEP
         _scaled(inverse.ctypes.data + b, direction.ctypes.data + b, s, x_at, t_at)
         square = filled(0.0)
