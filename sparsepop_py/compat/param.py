@@ -80,8 +80,8 @@ def _number(name: str, value: Any, expected: str) -> float:
 
 def _small(name: str, value: Any) -> float:
     """Check for 0, or a size that is large enough to be meant."""
-    number = abs(_number(name, value, "0 or a number of at least 1e-10"))
-    if 0 < number < _LEAST or (name == "eqTolerance" and value < 0):
+    number = _number(name, value, "0 or a number of at least 1e-10")
+    if 0 < abs(number) < _LEAST or (name == "eqTolerance" and value < 0):
         wrong(name, value, "0 or a number of at least 1e-10")
     return number
 
@@ -399,7 +399,7 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
         substituted=tuple(kind for name, kind in _SUBSTITUTED.items() if on(name)),
         independent=on("reduceAMatSW"),
         narrow=values.get("sparseSW", 1) > 1,
-        perturbation=values.get("perturbation", 0.0),
+        perturbation=abs(values.get("perturbation", 0.0)),
     )
 
 

@@ -108,6 +108,13 @@ def test_perturbed_variants(given: int, sparse: bool) -> None:
     assert parameters.sparseSW == given
 
 
+def test_a_negative_perturbation_is_a_size_and_comes_back_as_given() -> None:
+    parameters = read_parameters({"perturbation": -1e-3, "tighten": 0})
+    assert parameters.perturbation == -1e-3
+    switches = parameters.options.switches
+    assert switches is not None and switches.perturbation == 1e-3
+
+
 @pytest.mark.parametrize(
     ("given", "level"), [(0, (0, 0)), (1, (1, 0)), ([2, 2], (2, 2)), (np.array([[1, 0]]), (1, 0))]
 )
