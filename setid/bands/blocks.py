@@ -68,6 +68,9 @@ class StaticBand:
     nominal: Reals
     kind: Kind
 
+    def __repr__(self) -> str:
+        return f"<StaticBand: {self.kind}, {self.name}, {len(self.x)} points>"
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it; see :func:`setid.plots.blocks.plot_static_band`.
 
@@ -107,6 +110,9 @@ class SignalBand:
     high: Reals
     sampled_low: Reals
     sampled_high: Reals
+
+    def __repr__(self) -> str:
+        return f"<SignalBand: {self.name}, {self.low.size} samples>"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it; see :func:`setid.plots.blocks.plot_signal_band`.

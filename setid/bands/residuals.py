@@ -51,6 +51,9 @@ class Residuals:
     row: NDArray[np.int64]
     output: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        return f"<Residuals: {self.values.size} values, {len(self.outside)} outside their bounds>"
+
     @property
     def outside(self) -> NDArray[np.int64]:
         """Places of residuals beyond their bound, or beyond the range of numbers."""

@@ -102,6 +102,10 @@ class FrequencyBand:
     time_unit: str = ""
     view: str = "bode"
 
+    def __repr__(self) -> str:
+        pair = f"y{self.output} from u{self.input}"
+        return f"<FrequencyBand: {self.kind}, {pair}, {self.omega.size} frequencies>"
+
     def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
         """Bound gains and phases at any frequencies, also between those of the band.
 

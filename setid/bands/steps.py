@@ -84,6 +84,10 @@ class StepBand:
     time_unit: str = ""
     recursion: str = ""
 
+    def __repr__(self) -> str:
+        pair = f"y{self.output} from u{self.input}"
+        return f"<StepBand: {self.kind}, {pair}, {self.time.size} samples>"
+
     @property
     def all_time(self) -> tuple[float, float]:
         """Range of the response at all samples, the later ones included."""

@@ -66,6 +66,10 @@ class ContinuousEstimate:
     failed: int
     warning: str
 
+    def __repr__(self) -> str:
+        names = ", ".join(self.names)
+        return f"<ContinuousEstimate: {self.kind}, {names} of {len(self.members)} members>"
+
     @property
     def ranges(self) -> Reals:
         """Least and largest value over the members, shape (p, 2)."""

@@ -57,6 +57,9 @@ class Witness:
     x: NDArray[np.float64]
     level: float
 
+    def __repr__(self) -> str:
+        return f"<Witness: {self.x.size} unknowns, level {self.level:.6g}>"
+
 
 def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]) -> Witness:
     """Find the least noise with which parameters explain a record, by a linear program.

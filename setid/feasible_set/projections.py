@@ -68,6 +68,9 @@ class Projection:
     attained: Reals
     exact: bool
 
+    def __repr__(self) -> str:
+        return f"<Projection: {' and '.join(self.names)}, {len(self.outline)} corners>"
+
     @property
     def area(self) -> float:
         """Area of the outline."""
