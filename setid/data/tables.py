@@ -305,7 +305,7 @@ def _doubtful_commas(path: PathLike, rows: list[tuple[int, list[str]]]) -> tuple
 
 
 def _is_number(field: str) -> bool:
-    return any(_value(field, mark) is not None for mark in ".,")
+    return not _is_missing(field) and any(_value(field, mark) is not None for mark in ".,")
 
 
 def _quoted(line: str) -> str:

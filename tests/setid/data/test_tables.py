@@ -120,6 +120,14 @@ def test_points_are_no_decimal_marks_where_commas_are(tmp_path: Path) -> None:
         setid.IOData.from_csv(written(tmp_path, "1.500;2\n2;4\n"), 0, 1, decimal=",")
 
 
+@pytest.mark.parametrize("units", ["V;mm;-", "V;mm;", ";mm;", "V;n/a;"])
+def test_a_line_of_units_is_named_as_one(tmp_path: Path, units: str) -> None:
+    """A channel without a unit is no number: spreadsheets leave its field empty."""
+    path = written(tmp_path, f"u;y;note\n{units}\n1;2;ok\n3;4;ok\n")
+    with pytest.raises(setid.DataError, match="second header, say header=2"):
+        setid.IOData.from_csv(path, "u", "y")
+
+
 @pytest.mark.parametrize(
     ("text", "header", "message"),
     [
