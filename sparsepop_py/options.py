@@ -133,8 +133,8 @@ class Options:
         far is returned, with status LIMIT where the gap is open. A proof under way and the last
         verification of the certificate may take up to half as long on top.
     cpu_limit : float, optional
-        The same in seconds of CPU time of this process, for shared machines. Solvers that know
-        wall time only get what that is expected to last.
+        The same in seconds of CPU time of this process, and of tasks of ``executor``, for shared
+        machines. Solvers that know wall time only get what that is expected to last.
     work_limit : float, optional
         Units of work, each about a second of one core, counted by a fixed model
         (:mod:`sparsepop_py.budget`). With it, and without limits in time, no decision rests on a
