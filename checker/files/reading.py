@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from math import isfinite, isqrt
 from pathlib import Path
+from struct import pack, unpack
 from types import SimpleNamespace
 from typing import Any
 
@@ -182,7 +183,17 @@ def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
     if name not in ("f8", "f4", "i8", "i4", "b1") or name[0] != kind.lower() or not fits:
         raise Malformed(f"{place}: {len(data)} numbers as an array {name!r:.9} of shape {shape}")
     values = [READERS[kind](value, f"{place}.data") for value in data]
+    if name == "f4" and not all(map(is_short, values)):
+        raise Malformed(f"{place}.data: a number that 32 bits do not hold")
     return nested(values, shape)
+
+
+def is_short(value: Any) -> bool:
+    """Check that a number is one of 32 bits, or infinite."""
+    try:
+        return bool(unpack("<f", pack("<f", value))[0] == value)
+    except OverflowError:
+        return False
 
 
 def nested(values: list[Any], shape: list[int]) -> list[Any]:

@@ -105,6 +105,8 @@ FORBIDDEN = {
         ],
     ),
     "one bound for all variables": (("problem", "lower"), array("f8", [], [-2.0])),
+    "a short float of more digits": (("problem", "lower"), array("f4", [2], [-2.0, -2.1])),
+    "a short float beyond all": (("problem", "lower"), array("f4", [2], [-2.0, -1e39])),
     "an entry of an equality": (
         ("problem", "constraints", 0),
         lambda row: {**row, "entries": [row["polynomial"]]},

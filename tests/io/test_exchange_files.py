@@ -212,6 +212,10 @@ WRONG: list[tuple[str, str]] = [
         r"constraints\[0\].kind: found 'MAYBE', expected one of NONNEGATIVE, ZERO",
     ),
     (edited(lambda d: d["problem"]["lower"].update(type="f2")), r"lower.type: found 'f2'"),
+    (  # the short float next to 0.1 is another bound
+        edited(lambda d: d["problem"]["lower"].update(type="f4", data=[-1.0, 0.1])),
+        r"lower.data: found \[-1.0, 0.1\], expected numbers that 32 bits hold",
+    ),
     (edited(lambda d: d["problem"]["lower"].update(shape=[-1])), r"lower.shape: found \[-1\]"),
 ]
 

@@ -206,7 +206,7 @@ def _read_array(found: Any, place: str) -> NDArray[Any]:
             values: NDArray[Any] = wide.astype(_TYPES[name])
     except (OverflowError, ValueError, TypeError):
         raise wrong(f"{place}.data", data, f"numbers of type {name}") from None
-    if name == "f4" and np.any(np.isinf(values) & np.isfinite(wide)):
+    if name == "f4" and not np.array_equal(values, wide, equal_nan=True):
         raise wrong(f"{place}.data", data, "numbers that 32 bits hold")
     limit = np.iinfo(np.int32)
     if name == "i4" and any(not limit.min <= v <= limit.max for v in data):
