@@ -535,6 +535,65 @@ def test_names_may_hold_indices_in_brackets(tmp_path: Path) -> None:
     assert "z(1)" in sp.read(pip_row("x^2 + z(1) >= 1", tmp_path)).names
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        "1 <= x^2",
+        "1 >= x\n d: x + y^2 >= 0.5",
+        "-3 = - 2 x^2\n x + y >= 2",
+        "x >= 0.5 + 1\n d: y^2 >= 1",
+        "x^2 + y >= y",
+        "1 <= x + y^2 <= 3",
+        "1 <= 2",
+    ],
+)
+def test_rows_with_more_than_a_number_on_the_right_are_refused(row: str, tmp_path: Path) -> None:
+    """SCIP reads ``1 >= x`` and ``d: x >= 0`` as 1 >= 1 and a row with a variable ``:``."""
+    pytest.importorskip("pyscipopt")
+    with pytest.raises(sp.FormatError, match=r"row\.pip, line 4: found the row"):
+        sp.read(pip_row(row, tmp_path))
+
+
+def test_rows_may_follow_each_other_and_go_over_lines(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    rows = "x^2\n + y >= - 1e0 d: x y^2 =< .5\n 2 x + y\n = 3"
+    found = [row.polynomial([2.0, 3.0]) for row in sp.read(pip_row(rows, tmp_path)).constraints]
+    assert found == [8.0, -17.5, 4.0]
+
+
+@pytest.mark.parametrize("part", ["x^2 + 3 x^2", "x^2 + x + 2 x", "x y + y + 2 y", "2 x^2 - 2 x^2"])
+@pytest.mark.parametrize("place", ["objective", "row"])
+def test_terms_that_come_twice_in_quadratic_rows_are_refused(
+    part: str, place: str, tmp_path: Path
+) -> None:
+    """SCIP tells of 3 x^2 where x^2 + 3 x^2 stands, and of 2 x for x + 2 x beside a square."""
+    pytest.importorskip("pyscipopt")
+    path = pip_row(f"{part} >= 1" if place == "row" else "x + y >= 1", tmp_path)
+    if place == "objective":
+        path.write_text(path.read_text().replace("obj: x + y", f"obj: {part}"))
+    with pytest.raises(sp.FormatError, match="found several terms of one row in '[xy]' alone"):
+        sp.read(path)
+
+
+def test_products_that_come_twice_are_added(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    (row,) = sp.read(pip_row("x y + 2 y x + x^2 + x + y >= 1", tmp_path)).constraints
+    assert row.polynomial([2.0, 3.0]) == 3 * 6 + 4 + 5 - 1
+
+
+@pytest.mark.parametrize("first", ["Minimise", "Maximise", "obj:", "a problem\nminimize"])
+@pytest.mark.parametrize(("ending", "row"), [(".pip", "x^3"), (".lp", "x + [ x * y ]")])
+def test_words_that_scip_does_not_know_lose_no_objective(
+    first: str, ending: str, row: str, tmp_path: Path
+) -> None:
+    """SCIP passes over everything before a word that it knows: the objective was 0."""
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / f"sense{ending}"
+    path.write_text(f"{first}\n obj: x + y\nsubject to\n c: {row} >= 1\nbounds\n x <= 5\nend\n")
+    with pytest.raises(sp.FormatError, match=r"expected Minimize or Maximize|Parser error"):
+        sp.read(path)
+
+
 @pytest.mark.parametrize("ending", [".lp", ".pip"])
 def test_a_variable_that_comes_twice_in_a_row_counts_twice(ending: str, tmp_path: Path) -> None:
     """1 x + y + 3 x is 4 x + y, and the least x with y = 0 is a quarter."""
@@ -565,6 +624,20 @@ def test_operators_are_no_names_of_lp_files(row: str, tmp_path: Path) -> None:
     path = tmp_path / "names.lp"
     path.write_text(f"minimize\n obj: x + y\nsubject to\n c: {row}\nend\n")
     with pytest.raises(sp.FormatError, match="names.lp: found the variable '.*', expected poly"):
+        sp.read(path)
+
+
+@pytest.mark.parametrize("ending", [".lp", ".pip"])
+@pytest.mark.parametrize("name", ["st", "S.T.", "End", "max", "gen", "bound", "bin"])
+def test_words_that_begin_sections_are_no_names(name: str, ending: str, tmp_path: Path) -> None:
+    """HiGHS dropped the rows before ``st <= 4``, SCIP what follows ``x + end``."""
+    if ending == ".pip":
+        pytest.importorskip("pyscipopt")
+    path = tmp_path / f"words{ending}"
+    path.write_text(
+        f"minimize\n obj: x + {name} + y\nsubject to\n c: x + y >= 1\nbounds\n {name} <= 4\nend\n"
+    )
+    with pytest.raises(sp.FormatError, match=r"found the variable|inside a line|Parser error"):
         sp.read(path)
 
 

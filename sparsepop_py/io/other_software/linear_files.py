@@ -16,7 +16,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
 from sparsepop_py.files import read_text
 from sparsepop_py.io.other_software.integers import between, problem_with_integers
-from sparsepop_py.io.other_software.scip_ import read_by_scip
+from sparsepop_py.io.other_software.scip_ import RESERVED, read_by_scip
 from sparsepop_py.lp.files import ReadModel, read_model
 from sparsepop_py.problem.problem import Problem
 
@@ -89,12 +89,17 @@ def read_linear(path: str | os.PathLike[str]) -> Problem:
 
 
 def _check(path: str | os.PathLike[str], model: ReadModel) -> None:
-    """Refuse operators that HiGHS reads as parts of names, and binaries with other bounds."""
+    """Refuse operators and sections that HiGHS reads as names, and binaries with other bounds."""
     for name in model.names:
         if name.startswith("(") or name.count("(") != name.count(")") or "/" in name:
             raise FormatError(
                 f"{path}: found the variable {name!r}, expected polynomials without brackets and "
                 "quotients"
+            )
+        if name.lower() in RESERVED:
+            raise FormatError(
+                f"{path}: found the variable {name!r}, expected another name: in some places HiGHS "
+                "reads it as the beginning of a section"
             )
     binary = _binaries(read_text(path, "replace"))
     for name, low, high in zip(model.names, model.lower, model.upper, strict=True):

@@ -11,6 +11,7 @@ import os
 import re
 import tempfile
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -27,7 +28,7 @@ from sparsepop_py.files import as_path
 from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.problem.problem import Problem
 
-__all__ = ["read_by_scip"]
+__all__ = ["RESERVED", "read_by_scip"]
 
 _Bounds = tuple[list[float], list[float]]
 _INFINITE = 1e20  # what SCIP takes for infinite
@@ -46,6 +47,31 @@ _OSIL = (  # parts of an .osil file that SCIP reads; it passes over others witho
     "specialOrderedSets",
 )
 _NO_POWER = re.compile(r"\^(?!\s*\d{1,4}(?![\d.eE_]|\s*\^))")  # in files, comments left out
+_SENSES = ("min", "minimize", "minimum", "max", "maximize", "maximum")
+RESERVED = frozenset(  # words that begin a section wherever they stand in .lp and .pip files
+    (
+        *_SENSES,
+        *"st st. s.t. bound bounds general generals gen integer integers int".split(),
+        *"binary binaries bin semi semis semi-continuous sos sos1 sos2 end free".split(),
+    )
+)
+_TO_ROWS = re.compile(r"(?:^|\s)(?:subject\s+to|such\s+that|st\.?|s\.t\.)(?=\s)", re.IGNORECASE)
+_FROM_ROWS = re.compile(
+    r"^\s*(?:bounds?|gen(?:erals?)?|int(?:egers?)?|bin(?:ary|aries)?|semi\S*|sos\d?|end)\b",
+    re.IGNORECASE | re.MULTILINE,
+)
+_LABEL = r"[^\s:<>=]+[ \t]*:"
+_ONE_ROW = (
+    re.compile(  # a label, something with a variable, a relation, a number that ends the line
+        rf"\s*(?:{_LABEL})?[^<>=:]*[^\W\d][^<>=:]*(?:[<>]=?|=[<>]?)\s*[+-]?\s*"
+        rf"(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?)(?=[ \t]*(?:\n|$|{_LABEL}))",
+        re.IGNORECASE,
+    )
+)
+_EXPRESSION = re.compile(r"\[nonlinear\] <c\d+>:(.*)")  # in files of SCIP's own format
+_FACTOR = r"(?:\(<x\d+>\)\^[\d.]+|<x\d+>)"
+_PRODUCT = re.compile(rf"{_FACTOR}(?:\*{_FACTOR})+")
+_SQUARE, _ALONE = re.compile(r"\(<x(\d+)>\)\^2(?![\d.])"), re.compile(r"(?<!\()<x(\d+)>")
 _ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(>=|<=|=)\s*(\S+)", re.S | re.M)
 
 
@@ -116,20 +142,55 @@ def _require_scip() -> ModuleType:
     return pyscipopt
 
 
-def _check_powers(file: Path) -> None:
-    """Refuse powers that SCIP reads as other ones.
+def _check_text(file: Path) -> None:
+    """Refuse texts that SCIP reads as something else.
 
-    It takes ``x^2.5`` for x^2 + 0.5, ``x^2e1`` for x^20 and ``x^2^3`` for x^3.
+    It takes ``x^2.5`` for x^2 + 0.5, ``x^2e1`` for x^20 and ``x^2^3`` for x^3, an objective under
+    a word that it does not know, such as Minimise, for none, and what follows the number on the
+    right of a row for the next one, as in ``1 <= x``.
     """
-    lines = file.read_bytes().decode("latin-1").split("\n")
+    lines = file.read_bytes().decode("latin-1").replace("\r\n", "\n").split("\n")
     text = "\n".join(line.partition("\\")[0] for line in lines)
     if found := _NO_POWER.search(text):
-        line = text.count("\n", 0, found.start()) + 1
         power = text[found.start() :][:20].partition("\n")[0]
         raise FormatError(
-            f"{file}, line {line}: found the power {power!r}, expected a whole number of at most "
-            "four digits"
+            f"{_line_of(file, text, found.start())}: found the power {power!r}, expected a whole "
+            "number of at most four digits"
         )
+    word = next(iter(text.split()), "")
+    if word.lower() not in _SENSES:
+        raise FormatError(f"{file}: found {word!r} first, expected Minimize or Maximize")
+    for line in text.split("\n"):
+        inside = [each for each in line.split()[1:] if each.lower() in RESERVED - {"free"}]
+        if inside:
+            raise FormatError(
+                f"{file}: found {inside[0]!r} inside a line, expected it to begin one"
+            )
+    _check_rows(file, text)
+
+
+def _check_rows(file: Path, text: str) -> None:
+    """Refuse rows with anything but a number on the right, and without variables on the left."""
+    begin = _TO_ROWS.search(text)
+    if begin is None:
+        return
+    end = _FROM_ROWS.search(text, begin.end())
+    place, stop = begin.end(), end.start() if end else len(text)
+    while text[place:stop].strip():
+        row = _ONE_ROW.match(text, place, stop)
+        if row is None:
+            place += len(text[place:stop]) - len(text[place:stop].lstrip())
+            shown = text[place:stop].partition("\n")[0][:40]
+            raise FormatError(
+                f"{_line_of(file, text, place)}: found the row {shown!r}, expected one such as "
+                "'c: x + 2 y >= 1', with a number alone on the right"
+            )
+        place = row.end()
+
+
+def _line_of(file: Path, text: str, place: int) -> str:
+    line = text.count("\n", 0, place) + 1
+    return f"{file}, line {line}"
 
 
 def _check_parts(file: Path) -> None:
@@ -170,16 +231,17 @@ def _check_names(file: Path, names: list[str]) -> None:
     known = set(names)
     for name in names:
         inner = name.partition("(")[2].removesuffix(")")
-        if name.startswith("(") or name.count("(") != name.count(")") or inner in known:
+        bracket = name.startswith("(") or name.count("(") != name.count(")") or inner in known
+        if bracket or ":" in name or name.lower() in RESERVED:  # the colon is of a second label
             raise FormatError(
                 f"{file}: found the variable {name!r}, expected polynomials without brackets and "
-                "functions"
+                "functions, and no names that begin a section"
             )
 
 
 def _loaded(file: Path, scip: ModuleType) -> Any:
     if file.suffix.lower() in _TEXTS:
-        _check_powers(file)
+        _check_text(file)
     if file.suffix.lower() == ".osil":
         _check_parts(file)
     model = scip.Model()
@@ -277,18 +339,42 @@ class _Written:
 
 def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, _Written]:
     """Read the rows that SCIP writes in its format of polynomials, by number."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "rows.pip")
-        try:
-            model.writeProblem(str(path), genericnames=True, verbose=False)
-            text = path.read_text()
-        except Exception as error:  # PySCIPOpt raises Exception itself
-            raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
+    try:
+        for row in _EXPRESSION.findall(_text(model, ".cip")):
+            _check_distinct(row, names, file)  # before SCIP collects terms
+        text = _text(model, ".pip")
+    except FormatError:
+        raise
+    except Exception as error:  # PySCIPOpt raises Exception itself
+        raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
     text = text.partition("Subject to")[2].partition("\nBounds")[0]
     return {
         int(found[1]): _Written(_polynomial(found[2], names, file), found[3], float(found[4]))
         for found in _ROW.finditer(text)
     }
+
+
+def _text(model: Any, ending: str) -> str:
+    """Return what SCIP writes, variables and rows by their numbers."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"rows{ending}")
+        model.writeProblem(str(path), genericnames=True, verbose=False)
+        return path.read_text()
+
+
+def _check_distinct(row: str, names: tuple[str, ...], file: Path) -> None:
+    """Refuse a square, or a variable alone, twice in a row: SCIP tells of the last one only.
+
+    Terms that come twice may also end the process with a segmentation fault.
+    """
+    sums = _PRODUCT.sub("", row)
+    for term in (_SQUARE, _ALONE):
+        for number, count in Counter(term.findall(sums)).items():
+            if count > 1:
+                raise FormatError(
+                    f"{file}: found several terms of one row in {names[int(number)]!r} alone, or "
+                    "in its square, expected one: SCIP tells of the last one only"
+                )
 
 
 def _polynomial(text: str, names: tuple[str, ...], file: Path) -> Polynomial:
