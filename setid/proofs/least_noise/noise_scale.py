@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isnan
 from typing import Any
 
 import numpy as np
@@ -224,6 +224,8 @@ def verify_scale(found: NoiseScale) -> Verification:
     ----------
     found : NoiseScale
     """
+    if any(map(isnan, found.scale)):
+        return Verification(False, "an end is no number")
     again = _stated(found, found.limit)
     if again.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the problem is not that of the data, the noise and the limit")

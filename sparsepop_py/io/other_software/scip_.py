@@ -170,7 +170,7 @@ def _check_text(file: Path) -> None:
 
 
 def _check_rows(file: Path, text: str) -> None:
-    """Refuse rows with anything but a number on the right, and without variables on the left."""
+    """Refuse rows without variables on the left, or more than a number right."""
     begin = _TO_ROWS.search(text)
     if begin is None:
         return
@@ -363,9 +363,9 @@ def _text(model: Any, ending: str) -> str:
 
 
 def _check_distinct(row: str, names: tuple[str, ...], file: Path) -> None:
-    """Refuse a square, or a variable alone, twice in a row: SCIP tells of the last one only.
+    """Refuse squares, or variables alone, that come twice in a row.
 
-    Terms that come twice may also end the process with a segmentation fault.
+    SCIP tells of the last one only, and may end the process with a segmentation fault.
     """
     sums = _PRODUCT.sub("", row)
     for term in (_SQUARE, _ALONE):

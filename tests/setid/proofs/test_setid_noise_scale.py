@@ -48,6 +48,15 @@ def with_limit(found: setid.Consistency, limit: float, rows: float = 1.0) -> set
     )
 
 
+@pytest.mark.parametrize("scale", [(0.0, np.nan), (np.nan, inf)])
+def test_ends_that_are_no_numbers_are_not_attained(scale: tuple[float, float]) -> None:
+    """NaN is not below infinity, so that nothing had to attain it."""
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    nothing = replace(found, bound=None, result=None, refuted=None, theta=None)
+    assert replace(nothing, scale=(0.0, inf)).verify().ok
+    assert not replace(nothing, scale=scale).verify().ok
+
+
 def test_exact_factors_are_those_of_the_noise_and_rows_as_given() -> None:
     """Half the noise needs twice the factor, and rows three times as large need three times."""
     found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
