@@ -248,14 +248,11 @@ class Matrices:
             for i in range(c.side):
                 places = (c.position(i, j) for j in range(c.side))
                 table += [zero if place is None else base + place for place in places]
-        return Matrices(
-            PolynomialSystem(words, values, row, zero + 1, dimension),
-            np.array(owner, np.int64),
-            side,
-            np.cumsum(side**2) - side**2,
-            np.array(table, np.int64),
-            second_order,
-        )
+        first = np.cumsum(side**2) - side**2
+        arrays = np.array(owner, np.int64), side, first, np.array(table, np.int64), second_order
+        for array in arrays:
+            array.flags.writeable = False
+        return Matrices(PolynomialSystem(words, values, row, zero + 1, dimension), *arrays)
 
     @property
     def constraints(self) -> NDArray[np.int64]:

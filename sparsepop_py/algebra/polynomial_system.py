@@ -47,16 +47,17 @@ class PolynomialSystem:
 
     @staticmethod
     def stack(polynomials: Sequence[Polynomial], dimension: int) -> PolynomialSystem:
-        """Stack polynomials in ``dimension`` variables."""
+        """Stack polynomials in ``dimension`` variables, in read-only arrays."""
         words = [*(p.words for p in polynomials), np.zeros((0, 1), np.int32)]
         counts = [p.terms for p in polynomials]
-        return PolynomialSystem(
+        arrays = (
             monomials.stack(words),
             np.concatenate([*(p.coefficients for p in polynomials), np.zeros(0)]),
             np.repeat(np.arange(len(polynomials)), np.array(counts, int)),
-            len(polynomials),
-            dimension,
         )
+        for array in arrays:
+            array.flags.writeable = False
+        return PolynomialSystem(*arrays, len(polynomials), dimension)
 
     def take(self, rows: NDArray[Any]) -> PolynomialSystem:
         """Select rows, in the order given."""

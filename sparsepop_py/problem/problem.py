@@ -165,7 +165,9 @@ class Problem:
     @cached_property
     def equality(self) -> NDArray[np.bool_]:
         """Equalities among the constraints, shape (m,)."""
-        return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
+        equality = np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
+        equality.flags.writeable = False
+        return equality
 
     @cached_property
     def squares_constant(self) -> float | None:

@@ -156,6 +156,18 @@ def test_an_objective_that_is_no_number_is_named_beside_rows_too(objective):
         Problem(objective, [pair()[0] >= 0])
 
 
+def test_what_verification_reads_of_a_problem_is_read_only():
+    """Another coefficient in place would be verified under the fingerprint of the first one."""
+    x, y = pair()
+    problem = Problem(x, [x + y == 1, sp.psd([[x, y], [y, 1.0]])], lower=-1, upper=1)
+    systems = problem.rows, problem.objective_row, problem.matrices.system
+    arrays = [a for s in systems for a in (s.words, s.coefficients, s.row)]
+    arrays += [a for a in vars(problem.matrices).values() if isinstance(a, np.ndarray)]
+    for array in (problem.equality, *arrays):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
 def test_inputs_are_neither_modified_nor_shared():
     x, y = pair()
     lower, rows = np.array([-1.0, -2.0]), [x + y >= 0]
