@@ -98,7 +98,7 @@ def test_files_of_scip_without_variables_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"version":6', '"version":6.0', "version: found 6.0, expected one of the integers 3, 4"),
+        ('"version":7', '"version":7.0', "version: found 7.0, expected one of the integers 3, 4"),
         ('"dimension":2', '"dimension":9223372036854775808', "expected an integer of 64 bits"),
         ('"dimension":2', '"dimension":-9223372036854775809', "expected an integer of 64 bits"),
     ],

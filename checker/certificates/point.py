@@ -40,8 +40,8 @@ class ProvedPoint:
         """Tell why claims about the point are not proved; empty where they are."""
         if self.proof == "exact":
             return self._exactly()
-        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
-            return "a row of the system is no equation"
+        if not self.rows:
+            return "no row is solved"
         if self.proof == "krawczyk":
             box = self._enclosed()
             return "Krawczyk's test fails" if box is None else self._over(box)
@@ -74,14 +74,15 @@ class ProvedPoint:
 
     def _over(self, box: list[Interval]) -> str:
         """Tell why a claim may fail in a box with a zero of the rows; empty where it holds."""
-        problem, rows = self.problem, set(self.rows)
+        problem = self.problem
+        zero = {_up_to_sign(problem.constraints[k].polynomial) for k in self.rows}
         for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
             if iv.exact(low) < a or iv.exact(high) > b:
                 return "the box of the point leaves the bounds"
             if max(iv.exact(high) - x, x - iv.exact(low)) > self.radius:
                 return "the point lies farther away than its radius"
         for k, c in enumerate(problem.constraints):
-            if k not in rows and not self._holds(c, box):
+            if _up_to_sign(c.polynomial) not in zero and not self._holds(c, box):
                 return f"constraint {k} may fail near the point"
             if c.side and not _semidefinite_over(c, box):
                 return f"matrix {k} may fail near the point"
@@ -146,6 +147,13 @@ class ProvedPoint:
             if all(a < b for a, b in zip(image, radius, strict=True)):
                 return _around(middle, self.solved, image)
         return None
+
+
+def _up_to_sign(p: Polynomial) -> frozenset[tuple[tuple[int, ...], Fraction]]:
+    """Return what p and -p have in common: their terms, that of the first word positive."""
+    terms = {word: value for word, value in p.coefficients().items() if value}
+    sign = -1 if terms and terms[min(terms)] < 0 else 1
+    return frozenset((word, sign * value) for word, value in terms.items())
 
 
 def _around(middle: list[Interval], solved: list[int], radius: list[Fraction]) -> list[Interval]:

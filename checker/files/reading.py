@@ -14,7 +14,7 @@ from typing import Any
 
 from ..arithmetic.polynomial import INF, Polynomial, Word
 
-VERSIONS = {"sparsepop-py": (3, 4, 5, 6), "setid": (1, 2, 3, 4, 5, 6, 7, 8, 9)}
+VERSIONS = {"sparsepop-py": (3, 4, 5, 6, 7), "setid": (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 

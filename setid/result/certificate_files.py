@@ -45,7 +45,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 9
+_FORMAT, _VERSION = "setid", 10
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:

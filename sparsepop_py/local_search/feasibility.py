@@ -128,7 +128,8 @@ def _pull_inside(
     n = problem.dimension
     values, jacobian, size = _linearised(problem, x)
     reach = 1e2 * depth * (1.0 + np.abs(x))
-    close = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
+    first, equal = problem.first_alike, problem.equations[size[problem.equations] > 0]
+    close = ~np.isin(first, equal) & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
     at_low, at_high = x == problem.lower, x == problem.upper
     low = np.where(at_low | at_high, 0.0, np.maximum(-reach, problem.lower + depth - x))
     high = np.where(at_low | at_high, 0.0, np.minimum(reach, problem.upper - depth - x))
@@ -137,7 +138,6 @@ def _pull_inside(
         high = np.where(at_low & ~at_high, reach, high)
     crossed = low > high
     low, high = np.where(crossed, 0.0, low), np.where(crossed, 0.0, high)
-    equal = np.flatnonzero(problem.equality & (size > 0))
     active = np.flatnonzero(close)
     slopes, sizes, held = jacobian[active], size[active], values[active]
     slope = problem.objective_row.gradient(x)
@@ -185,7 +185,7 @@ def _linearised(
 
 def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:
     """Yield rows, the variables to solve them for, and the kind of proof."""
-    equal = np.flatnonzero(problem.equality)
+    equal = problem.equations
     if equal.size:
         yield from _of_equations(problem, x, equal)
     else:

@@ -170,6 +170,34 @@ class Problem:
         return equality
 
     @cached_property
+    def first_alike(self) -> NDArray[np.int64]:
+        """Number of the first constraint with the same polynomial up to its sign, shape (m,).
+
+        Where one of them is zero, all of them are. A constraint without others alike, or whose
+        polynomial is zero, has its own number.
+        """
+        first: dict[tuple[Any, ...], int] = {}
+        numbers = np.arange(len(self.constraints))
+        for number, constraint in enumerate(self.constraints):
+            p = constraint.polynomial
+            if p.coefficients.size:
+                values = p.coefficients * np.copysign(1.0, p.coefficients[0])
+                key = p.words.shape, p.words.tobytes(), values.tobytes()
+                numbers[number] = first.setdefault(key, number)
+        return numbers
+
+    @cached_property
+    def equations(self) -> NDArray[np.int64]:
+        """Constraints that are equations, each once, shape (e,).
+
+        These are equalities and pairs of opposite inequalities, p >= 0 and -p >= 0.
+        """
+        leading = [c.polynomial.coefficients[:1] for c in self.constraints]
+        positive = np.array([np.any(value > 0) for value in leading], bool)
+        both = np.intersect1d(self.first_alike[positive], self.first_alike[~positive])
+        return np.union1d(self.first_alike[self.equality], both).astype(np.int64)
+
+    @cached_property
     def squares_constant(self) -> float | None:
         """The constant of f = constant + sum w r^2, rounded down.
 
@@ -288,6 +316,7 @@ class Problem:
 # What with_objective keeps: the fields but the objective's, and what is derived from them alone.
 _OF_THE_SET = frozenset(
     ("constraints", "lower", "upper", "names", "rows", "matrices", "equality", "bound_rows")
+    + ("first_alike", "equations")
     + ("_encoded",)  # the bytes of the constraints, once one of the problems needs them
 )
 

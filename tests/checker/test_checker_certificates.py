@@ -81,7 +81,7 @@ def test_nothing_but_the_standard_library_is_imported():
 def test_the_program_prints_what_is_proved(tmp_path):
     """min x y on the unit disc is -1/2; a claim of -0.4 is false; a text states it as well."""
     found = loaded("known", 6, "disc")
-    own = {"format": "sparsepop-py", "version": 6}
+    own = {"format": "sparsepop-py", "version": 7}
     problem = tmp_path / "problem.json"
     problem.write_text(json.dumps(own | {"is": "problem", "problem": found["problem"]}))
     words = tmp_path / "problem.txt"
@@ -98,7 +98,7 @@ def test_the_program_prints_what_is_proved(tmp_path):
     assert "MALFORMED" in done.stdout
 
 
-@pytest.mark.parametrize("version", [2, 7, "6", 6.0])
+@pytest.mark.parametrize("version", [2, 8, "7", 7.0])
 def test_other_versions_are_refused(tmp_path, capsys, version):
     text = solved("trees", FEW["trees"]).popitem()[1]
     path = tmp_path / "other.json"
@@ -128,9 +128,9 @@ def test_fingerprints_are_those_of_the_package(tmp_path, capsys):
 def test_files_of_another_kind_are_refused(tmp_path, change):
     text = solved("known", 6)["disc"]
     edits = {
-        "version": ('"version":6', '"version":7'),
+        "version": ('"version":7', '"version":8'),
         "format": ('"sparsepop-py"', '"sparsepop"'),
-        "twice": ('"version":6', '"version":6,"version":6'),
+        "twice": ('"version":7', '"version":7,"version":7'),
         "nan": ('"lower_bound":', '"lower_bound":NaN,"other":'),
         "large": ('"lower_bound":', '"lower_bound":1e999,"other":'),
     }
@@ -533,6 +533,28 @@ def test_zeros_are_proved_by_krawczyk(rows, solved, word):
     }
     found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
     found |= {"lower_bound": "-inf", "upper_bound": 1.4 + 1e-9, "status": "BOUNDED"}
+    assert verdict(found | {"attained": point}) == word
+
+
+@pytest.mark.parametrize(
+    ("rows", "word"),
+    [
+        ("c >= 0; -c >= 0; 2 - x1^2 - x2^2 >= 0", "accepted"),
+        ("c == 0; c == 0", "accepted"),
+        ("c >= 0; 1.999999 - x1^2 - x2^2 >= 0", "refused"),  # the same words
+        ("c >= 0; 2 - x1^2 + x2^2 >= 0; x1^2 + x2^2 + 2 <= 0", "refused"),  # some signs
+        ("c >= 0; -c + x1*x2 >= 2", "refused"),
+    ],
+)
+def test_constraints_alike_a_row_are_zero_with_it(rows, word):
+    """(1, 1) lies on the circle x1^2 + x2^2 = 2, where c = x1^2 + x2^2 - 2 and -c are zero."""
+    rows = rows.replace("-c", "2 - x1^2 - x2^2").replace("c", "x1^2 + x2^2 - 2")
+    problem = sp.parse(f"min x1 + x2; s.t. {rows}; -3 <= x1 <= 3; -3 <= x2 <= 3")
+    point = {"value": 2.0 + 1e-9, "radius": 1e-9, "proof": "krawczyk"}
+    point |= {"x": numbers("f8", [2], 1.0, 1.0)}
+    point |= {"rows": numbers("i8", [1], 0), "solved": numbers("i8", [1], 1)}
+    found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
+    found |= {"lower_bound": "-inf", "upper_bound": 2.0 + 1e-9, "status": "BOUNDED"}
     assert verdict(found | {"attained": point}) == word
 
 

@@ -91,7 +91,7 @@ def record(u: list[Any], y: list[Any], output: float, ranges: Any = None) -> dic
 
 def checked(tmp_path: Path, body: dict[str, Any], capsys: Any) -> tuple[int, str]:
     path = tmp_path / "claim.json"
-    file = {"format": "setid", "version": 9, "is": "identification", "identification": body}
+    file = {"format": "setid", "version": 10, "is": "identification", "identification": body}
     path.write_text(json.dumps(file))
     code = main([str(path)])
     return code, capsys.readouterr().out

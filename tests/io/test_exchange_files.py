@@ -183,7 +183,7 @@ WRONG: list[tuple[str, str]] = [
     (edited(lambda d: d.update(format="x")), r"JSON.format: found 'x', expected 'sparsepop-py'"),
     (
         edited(lambda d: d.update(version=1)),
-        r"JSON.version: found 1, expected one of the integers 3, 4, 5, 6",
+        r"JSON.version: found 1, expected one of the integers 3, 4, 5, 6, 7",
     ),
     (edited(lambda d: d.update({"is": "cat"})), r"JSON.is: found 'cat', expected one of problem"),
     (edited(lambda d: d["problem"].pop("lower")), r"problem.lower: found nothing"),

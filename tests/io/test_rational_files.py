@@ -129,9 +129,9 @@ def test_damaged_results_are_refused(change, message):
 
 def test_older_versions_know_no_ratios():
     text = sp.to_json(sp.parse("min x/(2 + x^2)"))
-    assert json.loads(text)["version"] == 6
+    assert json.loads(text)["version"] == 7
     with pytest.raises(sp.ProblemError, match="JSON.is"):
-        sp.from_json(text.replace('"version":6', '"version":3'))
+        sp.from_json(text.replace('"version":7', '"version":3'))
 
 
 def test_command_line(tmp_path):

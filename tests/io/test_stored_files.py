@@ -38,7 +38,7 @@ def test_stored_results_hold_and_are_written_anew(name: str, optimum: float) -> 
     verdict = result.certificate.verify(result.problem)
     assert verdict.ok and verdict.reason == ""
     text = sp.to_json(result)
-    assert json.loads(text)["version"] == 6
+    assert json.loads(text)["version"] == 7
     again = sp.from_json(text)
     assert again.lower_bound == result.lower_bound
     assert again.certificate.verify(result.problem).bound == verdict.bound
@@ -78,11 +78,11 @@ def test_a_result_whose_fingerprint_fits_no_problem_is_refused(number: int) -> N
         assert result.certificate.verify(result.problem).ok
 
 
-@pytest.mark.parametrize("version", [0, 1, 2, 7, 4.0, "4", True, None, [4]])
+@pytest.mark.parametrize("version", [0, 1, 2, 8, 4.0, "4", True, None, [4]])
 def test_other_versions_are_refused(version: Any) -> None:
     found = content("circle.problem.json") | {"version": version}
     with pytest.raises(
-        sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 3, 4, 5, 6"
+        sp.ProblemError, match=r"JSON.version: found .*, expected one of the integers 3, 4, 5, 6, 7"
     ):
         sp.from_json(json.dumps(found))
 

@@ -26,3 +26,17 @@ def test_points_are_found_however_rounding_falls(off: float) -> None:
         near = CORNER + off * random.normal(size=9) * (1.0 + CORNER)
         found = prove_feasible(problem, np.clip(near, problem.lower, problem.upper))
         assert found is not None and -400.0 <= found.value <= -400.0 + 1e-3
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_opposite_inequalities_and_repeated_equations_are_solved_once(effort: str) -> None:
+    """min x + 2 y on the unit circle is -sqrt 5, however the circle is written."""
+    x, y = sp.variables(2)
+    circle = x**2 + y**2 - 1
+    for rows in ([circle <= 0, circle >= 0], [circle == 0, -circle == 0, circle <= 0]):
+        problem = sp.Problem(x + 2 * y, rows, -3, 3)
+        result = sp.solve(problem, sp.Options(effort=effort, time_limit=20))
+        assert result.status is sp.Status.OPTIMAL
+        assert result.attained is not None and result.attained.proof == "krawczyk"
+        assert result.lower_bound <= -np.sqrt(5.0) + 1e-15 <= result.upper_bound + 2e-15
+        assert sp.from_json(sp.to_json(result)).upper_bound == result.upper_bound

@@ -378,3 +378,15 @@ def test_problems_are_written_in_their_own_names():
         "  s.t. 2 - x1 >= 0",
         "  s.t. (-1 + x2 - x1^2)/(1 + x1^2) >= 0",
     ]
+
+
+def test_constraints_alike_up_to_their_sign_are_known():
+    """Which are equations: equalities, each once, and pairs of opposite inequalities."""
+    x, y = pair()
+    p, q = x**2 - 3 * y, x * y - 1
+    rows = [p >= 0, q == 0, -1 * p >= 0, -1 * q == 0, p + 1 >= 0, 0 * x >= 0, 0 * x >= 0, p >= 0]
+    assert Problem(x, rows).first_alike.tolist() == [0, 1, 0, 1, 4, 5, 6, 0]
+    assert Problem(x, rows).equations.tolist() == [0, 1]
+    assert Problem(x, [p >= 0, p >= 0, q >= 0, 2 * q <= 0]).equations.tolist() == []
+    assert Problem(x, [q <= 0, q >= 0]).with_objective(y).equations.tolist() == [0]
+    assert Problem(x).equations.tolist() == Problem(x).first_alike.tolist() == []

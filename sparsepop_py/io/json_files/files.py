@@ -31,7 +31,7 @@ from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION, _READ = "sparsepop-py", 6, (3, 4, 5, 6)
+_FORMAT, _VERSION, _READ = "sparsepop-py", 7, (3, 4, 5, 6, 7)
 _RAYS = 4  # the version from which results have rays
 Value = Problem | Certificate | Result | RationalProblem | RationalCertificate | RationalResult
 

@@ -10,7 +10,8 @@ constraint and bound is checked exactly.
 
 Krawczyk's test. As many variables as there are equalities are enclosed in a box that
 provably contains a zero (:mod:`sparsepop_py.verified.arithmetic.krawczyk`); inequalities and
-bounds are then checked over the box. Matrices are checked by
+bounds are then checked over the box. Two opposite inequalities are an equality: one of them is
+solved, and both are zero then. Matrices are checked by
 :mod:`sparsepop_py.verified.arithmetic.definiteness`.
 
 Substitution. Equalities that are triangular, as those of a recursion, are solved one after the
@@ -57,8 +58,8 @@ class ProvedPoint:
         The point lies within ``radius`` of ``x`` in every coordinate.
     proof : {"exact", "krawczyk", "substitution"}
     rows, solved : (r,) int
-        Equalities that were solved, and the variables they were solved for; in the order of the
-        substitution, row by row, where that is the proof.
+        Constraints that were solved as equations, and the variables they were solved for; in the
+        order of the substitution, row by row, where that is the proof.
 
     Raises
     ------
@@ -251,10 +252,13 @@ def _prove_by_substitution(
 
 
 def _holds_over(problem: Problem, box: Interval, rows: NDArray[Any]) -> bool:
-    """Check bounds, matrices, and all constraints but those that are solved, over a box."""
+    """Check bounds, matrices, and all constraints but those that are zero, over a box.
+
+    Zero are the rows that are solved, and those that are alike up to their sign.
+    """
     if not (np.all(box.lo >= problem.lower) and np.all(box.hi <= problem.upper)):
         return False
-    others = np.setdiff1d(np.arange(len(problem.constraints)), rows)
+    others = np.flatnonzero(~np.isin(problem.first_alike, problem.first_alike[rows]))
     values = range_over(problem.rows.take(others), box)
     equal = problem.equality[others]
     holds = (values.lo >= 0) & ((values.hi <= 0) | ~equal)

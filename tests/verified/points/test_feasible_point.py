@@ -334,10 +334,11 @@ def test_bounds_that_touch_the_point_are_kept():
 
 
 def sums(count, double=False):
-    """x_i + y_i = 1 for many i, the first one perhaps twice."""
+    """x_i + y_i = 1 for many i, perhaps with twice the first one as another row."""
     x = sp.variables(2 * count)
     rows = [x[i] + x[count + i] == 1 for i in range(count)]
-    return sp.Problem(x[0], rows + rows[:1] * double, lower=0, upper=1)
+    more = [2 * x[0] + 2 * x[count] == 2] * double
+    return sp.Problem(x[0], rows + more, lower=0, upper=1)
 
 
 def test_rows_that_hold_already_need_no_variable_off_its_bounds():

@@ -261,3 +261,30 @@ def test_what_a_stored_point_says_of_itself_is_not_read():
     assert outside.recheck(problem) is None
     unsolved = ProvedPoint(np.array([0.25, 0.5]), -7.0, 0.0, "exact", NONE, NONE)
     assert unsolved.recheck(problem) is None
+
+
+# ---- constraints that are zero with the rows ----------------------------------------------------
+
+CIRCLE = x**2 + y**2 - 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "feasible"),
+    [
+        ([CIRCLE >= 0, CIRCLE <= 0], True),  # an equation
+        ([CIRCLE == 0, CIRCLE == 0, CIRCLE <= 0], True),
+        ([CIRCLE <= 0], True),  # zero where an inequality allows it
+        ([CIRCLE >= 0, x**2 + y**2 <= 2 - 2.0**-40], False),  # the same monomials
+        ([CIRCLE >= 0, x**2 - y**2 - 2 >= 0], False),  # signs of some terms
+        ([CIRCLE >= 0, x**2 + x * y - 2 <= 0], False),  # the same coefficients
+        ([CIRCLE >= 0, CIRCLE + x <= 0], False),
+        ([CIRCLE == 0, x * y >= 1], False),  # an unsolved row that may fail
+    ],
+)
+def test_constraints_alike_a_row_are_zero_with_it(rows, feasible):
+    """(1, 1) lies on the circle; the others exclude every point near it, or do not show it."""
+    problem = sp.Problem(x + y, rows, -3, 3)
+    found = krawczyk(problem, [1.0, 1.0 + 1e-9], ROW, np.ones(1, np.int64))
+    assert (found is not None) == feasible
+    if found is not None:
+        assert abs(found.x[1] - 1.0) <= 2e-9 and found.recheck(problem) is not None
