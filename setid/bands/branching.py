@@ -2,6 +2,8 @@
 
 Cells of the denominator's parameters are halved until the union of their proved ranges is within a
 tolerance of what the vertices that the linear programs meet attain, or until the time is over.
+Without a time limit it ends, too, where what the last doublings of their number gained forecasts
+too many of them.
 Everything here only guides: the proof is that of :mod:`setid.proofs.time_bands.partition`.
 """
 
@@ -40,6 +42,7 @@ _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _ROUNDING = 1e-10  # of the largest output: narrower ranges need no further cells
 _ZERO = 1e-280  # the same where all outputs are zero
 _SMALL = 2.0**-100  # of the largest number in an impulse response: it ends there
+_FIRST_SURVEY = 50  # cells at which they are all enclosed where there is no time limit
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
 
@@ -54,7 +57,8 @@ class Effort:
     until : float
         Reading of ``time.monotonic``.
     cells : int
-        Largest number of cells that are looked at.
+        Largest number of cells that are looked at, and that a forecast may call for where there is
+        no time limit.
     first : float
         Reading after which the first cell, too, begins no program: the box bounds what is left.
     """
@@ -85,6 +89,8 @@ class Found:
         Number of these with a gain of 1 or more.
     excess : float
         Largest distance of the range from what is attained, as a share of the attained width.
+    spent : bool
+        Whether more time would not have led to more cells.
     """
 
     ranges: Ranges | None
@@ -95,6 +101,7 @@ class Found:
     left: int
     growing: int
     excess: float
+    spent: bool
 
 
 def force_of(experiment: Experiment, cover: Cover) -> Reals:
@@ -188,6 +195,8 @@ class _Search:
     leaves: dict[int, _Leaf] = field(default_factory=dict)
     cells: int = 0
     slowest: float = 0.0  # seconds for one enclosure
+    reached: list[float] = field(default_factory=list)  # excess at forecasts
+    spent: bool = False
 
     def run(self, seeds: list[NDArray[np.int64]]) -> Found:
         heap: list[tuple[float, int]] = []
@@ -201,22 +210,55 @@ class _Search:
                 continue
             cell = self.partition.cell(number)
             parts = cell.tight[0].size  # none where nothing is fed back
-            if worst <= self.effort.tolerance or not parts or not self._more():
+            if worst <= self.effort.tolerance or not self._more(parts):
                 break
-            leaf = self.leaves.pop(number)
+            leaf = self.leaves[number]
             if not self.slowest:  # what its parts will take is not known otherwise
                 self._enclose(leaf, inf)
             axis = self._axis(leaf)
             at = float((cell.tight[0][axis] + cell.tight[1][axis]) / 2)
+            if not cell.box[0][axis] < at < cell.box[1][axis]:  # rounding is all that is left
+                self.spent = True
+                break
+            del self.leaves[number]
             for part in self.partition.cut(number, axis, at):
                 self._look(part, leaf.source.bases, heap)
         return self._found()
 
-    def _more(self) -> bool:
+    def _more(self, parts: int) -> bool:
         """Check for time for both halves of another cell and for those not enclosed yet."""
+        due = _FIRST_SURVEY << len(self.reached)
+        surveyed = self.effort.until == inf and self.cells >= due
+        needed = self._forecast() if surveyed else float(self.cells)
+        self.spent = not parts or max(needed, self.cells) >= self.effort.cells
         waiting = 2 + sum(not leaf.enclosed for leaf in self.leaves.values())
-        now = time.monotonic() + self.slowest * waiting
-        return now < self.effort.until and self.cells < self.effort.cells
+        timely = time.monotonic() + self.slowest * waiting < self.effort.until
+        return timely and needed > 0.0 and not self.spent
+
+    def _forecast(self) -> float:
+        """Forecast the number of cells from what its last two doublings gained; 0 if all is done.
+
+        All cells are enclosed for that, those of large gain too.
+        """
+        excess = self._excess_of_all()
+        self.reached.append(excess)
+        if excess <= self.effort.tolerance:
+            return 0.0
+        if len(self.reached) < 3:
+            return float(self.cells)
+        before = self.reached[-3]
+        if not excess < before:
+            return inf
+        with np.errstate(all="ignore"):
+            doublings = 2.0 * np.log(excess / self.effort.tolerance) / np.log(before / excess)
+            return float(self.cells * np.exp2(doublings))
+
+    def _excess_of_all(self) -> float:
+        """Largest excess of a cell, after those that wait are enclosed."""
+        for leaf in self.leaves.values():
+            if not leaf.enclosed and self._excess(leaf.number) > self.effort.tolerance:
+                self._enclose(leaf, inf)
+        return max((self._excess(number) for number in self.leaves), default=0.0)
 
     def _look(
         self,
@@ -309,14 +351,12 @@ class _Search:
         return int(np.argmax(column if np.all(np.isfinite(column)) else leaf.cost[:, -1]))
 
     def _found(self) -> Found:
-        for leaf in self.leaves.values():
-            if not leaf.enclosed and self._excess(leaf.number) > self.effort.tolerance:
-                self._enclose(leaf, inf)
-        excess = max((self._excess(number) for number in self.leaves), default=0.0)
+        excess = self._excess_of_all()
         growing = sum(not leaf.gain < 1.0 for leaf in self.leaves.values())
         points = np.array(list(self.points.values())).reshape(-1, self.cover.lower.size)
         ranges, left = self.partition.ranges(), len(self.leaves)
-        return Found(ranges, self.low, self.high, points, self.cells, left, growing, excess)
+        counts = self.cells, left, growing
+        return Found(ranges, self.low, self.high, points, *counts, excess, self.spent)
 
 
 def branched(

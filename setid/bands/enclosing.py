@@ -275,7 +275,8 @@ def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: i
     verdict = _verdict(found, effort.tolerance, (radius, ratio))
     seconds = time.monotonic() - begin
     sizes = found.cells, found.left, found.growing
-    return Band(found.ranges, low, high, BandReport(verdict, *sizes, ratio, radius, seconds))
+    report = BandReport(verdict, *sizes, ratio, radius, seconds, found.spent)
+    return Band(found.ranges, low, high, report)
 
 
 def _verdict(found: Found, tolerance: float, measured: tuple[float, float]) -> Verdict:

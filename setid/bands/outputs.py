@@ -261,7 +261,7 @@ def simulate_band(
         Share of the attained width by which a proved band of models may reach beyond it on each
         side.
     time_limit : float
-        Seconds in which that is tried.
+        Seconds in which that is tried. If infinite, until cells are forecast to become too many.
 
     Returns
     -------

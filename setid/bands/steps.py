@@ -150,7 +150,7 @@ def step_band(
     tolerance : float
         Share of the attained width by which a proved band may reach beyond it on each side.
     time_limit : float
-        Seconds in which that is tried.
+        Seconds in which that is tried. If infinite, until cells are forecast to become too many.
     all_time : bool
         Whether to prove a range of the response after the last sample too; possible where every
         member is stable.

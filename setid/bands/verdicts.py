@@ -28,9 +28,9 @@ class BandReport:
     ----------
     verdict : {"tight", "wide", "unstable", "unproved"}
         ``"tight"``: within the tolerance of what points of the cover attain (members, where the
-        cover is the feasible set). ``"wide"``: finite, but the time was over. Where the band is
-        infinite or grows beyond 1000 times what is attained: ``"unstable"`` where a member is,
-        and ``"unproved"`` where the stability of a cell was not proved in the time given.
+        cover is the feasible set). ``"wide"``: finite, but the search ended before that. Where the
+        band is infinite or grows beyond 1000 times what is attained: ``"unstable"`` where a member
+        is, and ``"unproved"`` where the stability of a cell was not proved.
     cells : int
         Number of cells of the denominator's parameters that were looked at.
     left : int
@@ -44,6 +44,9 @@ class BandReport:
         Largest absolute value of a pole of the members that were simulated; NaN without one.
     seconds : float
         Wall time.
+    spent : bool
+        Whether more time would not have led to more cells: their largest number was reached, was
+        forecast where there is no time limit, or a cell is as narrow as rounding errors.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class BandReport:
     ratio: float
     pole_radius: float
     seconds: float
+    spent: bool = False
 
     @property
     def text(self) -> str:
@@ -79,19 +83,27 @@ class BandReport:
                 )
             return text
         if self.verdict == "wide":
-            text = f"time is over at a proved width of up to {ratio} times the attained one"
+            over = "no further cells are tried" if self.spent else "time is over"
+            text = f"{over} at a proved width of up to {ratio} times the attained one"
             if self.pole_radius > 1.0:
                 text += f"; a member is unstable, with a pole of radius {self.pole_radius:.6g}"
-            return f"{text} ({size}); a larger time_limit narrows it"
+            helps = "a Stable prior or a shorter record helps"
+            return f"{text} ({size}); {helps if self.spent else 'a larger time_limit narrows it'}"
         without = "the band is infinite or grows towards it"
         if self.verdict == "unstable":
             return (
                 f"{without}: a member is unstable, with a pole of radius {self.pole_radius:.6g} "
                 f"({size}); a Stable prior or a shorter record helps"
             )
+        unproved = f"{without}: the stability of {self.growing} cells is not proved"
+        if self.spent:
+            return (
+                f"{unproved}, and no further ones are tried ({size}); a Stable prior with a "
+                "margin or a shorter record helps"
+            )
         return (
-            f"{without}: the stability of {self.growing} cells is not proved in the time given "
-            f"({size}); a larger time_limit or a Stable prior with a margin helps"
+            f"{unproved} in the time given ({size}); a larger time_limit or a Stable prior with a "
+            "margin helps"
         )
 
     @staticmethod
@@ -100,14 +112,16 @@ class BandReport:
         order: list[Verdict] = ["tight", "wide", "unproved", "unstable"]
         ratios = [r.ratio for r in reports]
         radii = [r.pole_radius for r in reports]
+        worst = max((r.verdict for r in reports), key=order.index)
         return BandReport(
-            max((r.verdict for r in reports), key=order.index),
+            worst,
             sum(r.cells for r in reports),
             sum(r.left for r in reports),
             sum(r.growing for r in reports),
             float(np.fmax.reduce(ratios)),
             float(np.fmax.reduce(radii)),
             sum(r.seconds for r in reports),
+            all(r.spent for r in reports if r.verdict == worst),
         )
 
 

@@ -120,3 +120,30 @@ def test_bands_need_no_time_limit() -> None:
     result = setid.identify(data, model, setid.Noise(output=0.4), options=options)
     band = setid.step_band(result, 10, time_limit=float("inf"))
     assert band.report is not None and band.report.verdict == "tight"
+
+
+@pytest.fixture(scope="module")
+def first_order() -> setid.Identification:
+    data = setid.IOData([1, 0, 2, 1, 0, 1, 2, 0, 1], [0, 1, 0.5, 2.25, 2.1, 1.0, 0.9, 2.2, 1.1])
+    return setid.identify(data, setid.TransferFunction(1, 1, 1), setid.Noise(equation=0.4))
+
+
+def test_bands_without_a_time_limit_end_where_halving_does_not_reach_the_tolerance(
+    first_order: setid.Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tolerance below rounding errors: no number of cells reaches it."""
+    monkeypatch.setattr(branching, "_FIRST_SURVEY", 10)
+    report = first_order.step(3, tolerance=1e-16, time_limit=float("inf")).report
+    assert report is not None and report.verdict == "wide" and report.spent
+    assert 40 <= report.cells < 400
+    assert "no further cells are tried" in report.text and "time_limit" not in report.text
+
+
+def test_cells_as_narrow_as_rounding_are_not_halved(first_order: setid.Identification) -> None:
+    """The pole is known exactly, so that halves of its cell are the cell."""
+    known = setid.Box({"a1": (-0.5, -0.5)})
+    formulation = first_order.formulation
+    found = setid.identify(formulation.data, formulation.model, formulation.noise, known)
+    report = found.step(3, tolerance=1e-12).report
+    assert report is not None and report.verdict == "wide" and report.spent
+    assert report.cells <= 9

@@ -30,6 +30,15 @@ def test_reports_say_why_a_band_is_wide_or_infinite() -> None:
     assert "a member is unstable" in report("unstable", pole_radius=1.02).text
     text = report("unproved", growing=3).text
     assert "the stability of 3 cells is not proved" in text
+    assert "time_limit" in text
+    for verdict in ("wide", "unstable", "unproved"):
+        assert "time_limit" not in report(verdict, spent=True).text
+
+
+def test_merged_reports_advise_more_time_where_it_narrows_one_of_the_worst() -> None:
+    ended, late = report("wide", spent=True), report("wide")
+    assert BandReport.merged([ended, report("tight")]).spent
+    assert not BandReport.merged([ended, late]).spent
 
 
 def test_merged_reports_are_as_bad_as_the_worst() -> None:
