@@ -50,6 +50,7 @@ from setid.control.references import (
 )
 from setid.control.transfer import Transfer, as_transfer, simulate_exactly
 from setid.minimum_noise.conflicting_samples import samples_listed
+from sparsepop_py.budget import Deadline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +63,8 @@ _TAKEN = (
     "the reference model is what the closed loop is to be on this experiment",
     "the target signal M / (1 - M) r is that of the doubles next to it",
 )
-_SECONDS = 30.0  # for the engine, where options say nothing
+_SECONDS = 30.0  # where options say nothing
+_SUMS = 0.5  # of the time left, at most, for sums of rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -348,8 +350,8 @@ def design(
     priors : iterable of priors
         On the parameters of the identification.
     options : Options, optional
-        Of the identification; 30 seconds for each order when left out. Sums of rows are not in
-        its time limit: they take some 2 seconds for 3000 samples.
+        Of the identification; a time limit of 30 seconds when left out. Limits in time are for the
+        whole call, with all orders and sums of rows; a stage under way may take longer.
 
     Returns
     -------
@@ -389,10 +391,11 @@ def design(
     settings = options or Options(time_limit=_SECONDS, progress=False)
     known = tuple(entries_of(priors, "priors", "a list of priors", PriorError))
     refuted: list[Refuted] = []
+    limits = settings, settings.limits()
     orders = controller.orders or (None,)
     for order in orders:
         fixed = controller.fixed(data.Ts, order)
-        found = _one(data, reference, fixed, bound, known, settings, tuple(refuted), taken)
+        found = _one(data, reference, fixed, bound, known, limits, tuple(refuted), taken)
         if not found.empty or order is None:
             return found
         refuted.append(Refuted(order, found.result))
@@ -437,12 +440,13 @@ def _one(
     fixed: Fixed,
     noise: Noise,
     priors: tuple[Prior, ...],
-    settings: Options,
+    limits: tuple[Options, Deadline],
     refuted: tuple[Refuted, ...],
     taken: tuple[str, ...],
 ) -> Design:
-    """Design for one order: the set of controllers by sums of rows, then by the engine."""
+    """Design for one order: the set by sums of rows, then by the engine, in the time left."""
     begin = time.process_time()
+    settings, deadline = limits
     loop = loop_function(reference)
     signal = data.u.ravel().tolist()
     wanted = simulate_exactly(loop, signal)
@@ -458,14 +462,14 @@ def _one(
     )
     found = None
     if not np.isnan(data.y).any():
-        found = consistent_set(record, fixed.model, noise, fixed.integrators)
+        until = deadline.part(_SUMS).end
+        found = consistent_set(record, fixed.model, noise, fixed.integrators, until=until)
     sums = time.process_time() - begin
-    result = identified(
-        record, fixed.model, noise, found, fixed.integrators, settings, priors=priors
-    )
+    left = settings.within(deadline)
+    result = identified(record, fixed.model, noise, found, fixed.integrators, left, priors=priors)
     boxed = found is not None and not found.empty and not any(isinstance(p, Box) for p in priors)
     if not result.empty:
-        found = _after(record, fixed, noise, found, result)
+        found = _after(record, fixed, noise, found, result, deadline.end)
     spent = {"sums of rows": sums, "in all": time.process_time() - begin}
     return Design(
         intervals=FrozenMapping(_intervals(fixed, result, found, settings.tol)),
@@ -496,13 +500,15 @@ def _after(
     noise: Noise,
     found: ParameterSet | None,
     result: Identification,
+    until: float,
 ) -> ParameterSet | None:
     """The polytope within the engine's intervals."""
     ends = np.array([item.outer for item in result.intervals.values()]).T
     if found is None and np.all(np.isfinite(ends)) and not np.isnan(record.u).any():
         box = ends[0], ends[1]
-        return consistent_set(record, fixed.model, noise, fixed.integrators, box=box)
-    return found if found is None or found.empty else tightened(found, result)
+        known = record, fixed.model, noise, fixed.integrators
+        return consistent_set(*known, box=box, until=until)
+    return found if found is None or found.empty else tightened(found, result, until)
 
 
 def _inverse(basis: Reals) -> Reals:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, real_array
+from setid.data.checks import frozen, real_array, seconds_of
 from setid.errors import SetidError
 from setid.feasible_points.members import ROUNDING, noise_level
 from setid.feasible_points.witness import consistent
@@ -18,12 +19,12 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
+from sparsepop_py.budget import Deadline, LimitReached, check
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 
 Reals = NDArray[np.float64]
-_SECONDS = 10.0  # for a proof that a vector is not consistent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,9 +39,10 @@ class Central:
         No consistent parameter is further away than this (proved): half the widths.
     level : float
         Factor on the noise bounds with which ``theta`` explains the data (computed, not
-        proved); infinite where none does, NaN where no linear program can tell.
+        proved); infinite where none does, NaN where no linear program can tell or time was over.
     member : bool or None
-        Whether the centre is consistent, proved either way; None where neither was proved.
+        Whether the centre is consistent, proved either way; None where neither was proved in the
+        time given.
 
     Notes
     -----
@@ -93,12 +95,15 @@ _MEMBERSHIP = {
 }
 
 
-def central(result: FeasibleSet) -> Central:
+def central(result: FeasibleSet, time_limit: float = 10.0) -> Central:
     """Find the centre of the outer intervals, its worst-case error, and its consistency.
 
     Parameters
     ----------
     result : FeasibleSet
+    time_limit : float
+        Seconds for level and consistency; centre and errors need none. A proof under way may take
+        a fifth longer.
 
     Returns
     -------
@@ -107,7 +112,8 @@ def central(result: FeasibleSet) -> Central:
     Raises
     ------
     SetidError
-        If the feasible set is empty or an outer interval is not finite.
+        If the feasible set is empty or an outer interval is not finite, or the limit is no number
+        of at least 0.
 
     Examples
     --------
@@ -119,6 +125,7 @@ def central(result: FeasibleSet) -> Central:
     (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
     """
     check_result(result)
+    deadline = Deadline(seconds_of(time_limit))
     result.require_members()
     theta = result.middle
     if theta is None:
@@ -128,8 +135,11 @@ def central(result: FeasibleSet) -> Central:
             "give priors such as Box, or a record with more excitation"
         )
     formulation, error = result.formulation, worst_case_error(result, theta)
-    level = noise_level(formulation, theta)
-    member = is_consistent(formulation, theta)
+    level, member = float("nan"), None
+    with suppress(LimitReached), deadline.kept():
+        check()
+        level = noise_level(formulation, theta)
+        member = is_consistent(formulation, theta, deadline.left)
     return Central(formulation.parameters, frozen(theta), frozen(error), level, member)
 
 
@@ -172,11 +182,20 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     return np.where(np.isnan(error), inf, error)
 
 
-def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
-    """Prove that a parameter vector is consistent, or that it is not.
+def is_consistent(
+    formulation: Formulation, theta: Reals, seconds: float | None = None
+) -> bool | None:
+    """Prove that a parameter vector is consistent, or that it is not; None without a proof.
 
     A witness whose noise is repaired exactly proves that it is. That it is not is what the
     engine proves of the problem with these parameters fixed.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : (p,) float
+    seconds : float, optional
+        Of the engine; no limit when left out.
     """
     if consistent(formulation, theta) is not None:
         return True
@@ -190,9 +209,8 @@ def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
     lower[:p] = upper[:p] = theta
     nothing = 0.0 * problem.objective
     fixed = sp.Problem(nothing, problem.constraints, lower, upper, problem.names)
-    found = sp.solve(
-        in_units(fixed, formulation).problem, sp.Options(effort="auto", time_limit=_SECONDS)
-    )
+    options = sp.Options(effort="auto", time_limit=seconds)
+    found = sp.solve(in_units(fixed, formulation).problem, options)
     if found.attained is not None:
         return True if admitted(formulation, theta) else None
     return False if found.status is sp.Status.INFEASIBLE else None

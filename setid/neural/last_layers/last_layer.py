@@ -17,8 +17,10 @@ F +- W. Then every theta obeys |y - F theta| <= w0 + W |theta|, rows that
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +37,7 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping, natural, number
+from setid.data.checks import FrozenMapping, natural, number, seconds_of
 from setid.data.digits import all_digits
 from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
@@ -227,15 +229,24 @@ class LastLayer:
         drawn = [_walk(part, item, count, rng) for part, item in zip(rows, self.sets, strict=True)]
         return np.stack(drawn, axis=1)
 
-    def band(self, data: IOData | None = None) -> LayerBand:
+    def band(self, data: IOData | None = None, time_limit: float = 60.0) -> LayerBand:
         """Bound the one-step predictions of all members.
 
         Parameters
         ----------
         data : IOData, optional
             Another record; the own one where left out.
+        time_limit : float
+            Seconds for linear programs; predictions that are left then are bounded over the
+            intervals of the last layer.
+
+        Raises
+        ------
+        DataError, SetidError
+            If the record does not fit, or the limit is no number of at least 0.
         """
-        return _band(self, self.data if data is None else data, None)
+        until = time.monotonic() + seconds_of(time_limit)
+        return _band(self, self.data if data is None else data, None, until)
 
     @verdict
     def verify(self) -> Verification:
@@ -261,7 +272,11 @@ class LastLayer:
 
 
 def last_layer(
-    net: RegressorNetwork, data: IOData, noise: Noise | None = None, factor: float = 1.05
+    net: RegressorNetwork,
+    data: IOData,
+    noise: Noise | None = None,
+    factor: float = 1.05,
+    time_limit: float = 60.0,
 ) -> LastLayer:
     """Bound the last layer of a network whose hidden layers are fixed.
 
@@ -275,6 +290,9 @@ def last_layer(
         error of ``factor`` times the least one that explains this record.
     factor : float
         Above 1; used where ``noise`` is left out, which is then an assumption.
+    time_limit : float
+        Seconds for linear programs. What is proved when it is over holds; where programs of an
+        output are left then, its intervals may be infinite.
 
     Returns
     -------
@@ -282,8 +300,9 @@ def last_layer(
 
     Raises
     ------
-    ModelError, DataError, NoiseError
-        If network, record and noise do not fit.
+    ModelError, DataError, NoiseError, SetidError
+        If network, record and noise do not fit, the limit is no number of at least 0, or it is
+        over before a noise bound that was left out is known.
 
     References
     ----------
@@ -304,6 +323,7 @@ def last_layer(
     True
     """
     require_ieee()
+    until = time.monotonic() + seconds_of(time_limit)
     rows_of(net, data)
     if net.network.activation[-1] != "identity":
         raise NoiseError("net: found a last layer that is not linear, expected 'identity'")
@@ -313,9 +333,9 @@ def last_layer(
         )
     own = list[str]()
     if noise is None:
-        noise, text = _noise_of(net, data, factor)
+        noise, text = _noise_of(net, data, factor, until)
         own.append(text)
-    sets = tuple(_solve(part) for part in _rows(net, data, noise))
+    sets = tuple(_solve(part, until) for part in _rows(net, data, noise))
     intervals, status = _intervals(sets)
     texts = (*_assumptions(data, noise), *own)
     return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), texts)
@@ -329,11 +349,17 @@ def _assumptions(data: IOData, noise: Noise) -> list[str]:
     return found
 
 
-def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise, str]:
+def _noise_of(
+    net: RegressorNetwork, data: IOData, factor: float, until: float
+) -> tuple[Noise, str]:
     if not 1.0 < number(factor, "factor", NoiseError) < np.inf:
         raise NoiseError(f"factor: found {factor!r}, expected a number above 1")
     parts = _rows(net, data, Noise(equation=1.0))
-    least = np.array([max(least_factor(p)[0], 1e-12 * np.max(np.abs(p.target))) for p in parts])
+    found = np.array([least_factor(p, until)[0] for p in parts])
+    if not np.all(np.isfinite(found)):
+        over = "the time limit was over" if time.monotonic() >= until else "the solver failed"
+        raise NoiseError(f"noise: found None, expected a bound: {over} before the least was known")
+    least = np.maximum(found, [1e-12 * np.max(np.abs(p.target)) for p in parts])
     bound = least * factor
     times = all_digits(factor)
     text = f"equation error: {times} times the least that explains this record, " + ", ".join(
@@ -369,19 +395,19 @@ def _boxes(
     return Interval(np.where(noisy, down(low), exact), np.where(noisy, up(high), exact))
 
 
-def _solve(rows: Rows) -> OutputSet:
+def _solve(rows: Rows, until: float) -> OutputSet:
     """Bound the last layer of one output."""
     uncertain = np.max(rows.features.hi - rows.features.lo) > 1e-9 * (
         1.0 + np.max(np.abs(rows.features.hi))
     )
-    return _solve_uncertain(rows) if uncertain else _solve_exact(rows)
+    return _solve_uncertain(rows, until) if uncertain else _solve_exact(rows, until)
 
 
 def _objectives(size: int) -> Reals:
     return np.asarray(np.kron(np.eye(size), [[1.0], [-1.0]]), np.float64)
 
 
-def _solve_exact(rows: Rows) -> OutputSet:
+def _solve_exact(rows: Rows, until: float) -> OutputSet:
     m = rows.size
     whole = Interval(np.full(m, -np.inf), np.full(m, np.inf))
     none = np.zeros((0, m))
@@ -399,9 +425,9 @@ def _solve_exact(rows: Rows) -> OutputSet:
             centre=zero,
             inside=none,
         )
-    guess, centre, least = least_factor(rows)
+    guess, centre, least = least_factor(rows, until)
     widened = 1.0 if guess <= 1.0 or not np.isfinite(guess) else 2.0 * guess
-    dual, points = multipliers(rows.widened(widened), _objectives(m))
+    dual, points = multipliers(rows.widened(widened), _objectives(m), until)
     factor, outer, reach = _conclude(rows, dual, least, widened)
     inside = none
     if guess < 1.0:
@@ -464,10 +490,10 @@ def _attained_factor(rows: Rows, theta: Reals) -> float:
     return np.inf
 
 
-def _solve_uncertain(rows: Rows) -> OutputSet:
+def _solve_uncertain(rows: Rows, until: float) -> OutputSet:
     """Bound theta with features in boxes, by linear programs over signs of theta."""
     m, none = rows.size, np.zeros((0, rows.size))
-    box = parameter_box(_regression(rows))
+    box = parameter_box(_regression(rows), until=until)
     factor = _least_of(box)
     reach = _reach_of(box)
     dual = np.zeros((2 * m, rows.target.size))
@@ -614,7 +640,9 @@ def _spread(members: Reals) -> Reals:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), np.float64)
 
 
-def _band(result: LastLayer, data: IOData, known: tuple[Reals, ...] | None) -> LayerBand:
+def _band(
+    result: LastLayer, data: IOData, known: tuple[Reals, ...] | None, until: float = inf
+) -> LayerBand:
     """Ranges of the members' predictions, with given or with new multipliers."""
     net = result.net
     _, row = rows_of(net, data)
@@ -630,7 +658,7 @@ def _band(result: LastLayer, data: IOData, known: tuple[Reals, ...] | None) -> L
     ):
         dual = np.zeros((0, part.target.size))
         if item.box is None and np.all(np.isfinite(item.reach)) and item.widened == 1.0:
-            dual = multipliers(part, costs.middle())[0] if known is None else known[k]
+            dual = multipliers(part, costs.middle(), until)[0] if known is None else known[k]
         ends = _box_ends(costs, item.outer)
         if len(dual):
             value, slack = prove_bounds(part, costs, dual)

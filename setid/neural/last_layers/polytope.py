@@ -6,7 +6,9 @@ for every F in the enclosures, so that neither the solver nor its tolerances are
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 import scipy.sparse as sps
@@ -51,20 +53,22 @@ class Rows:
         return self if factor == 1.0 else Rows(self.features, self.target, up(self.radius * factor))
 
 
-def multipliers(rows: Rows, costs: Reals) -> tuple[Reals, Reals]:
+def multipliers(rows: Rows, costs: Reals, until: float = inf) -> tuple[Reals, Reals]:
     """Solve min cost theta over the rows; nothing proved rests on it.
 
     Parameters
     ----------
     rows : Rows
     costs : (K, m) float
+    until : float
+        Reading of ``time.monotonic`` at which no further program is begun.
 
     Returns
     -------
     dual : (K, T) float
-        Positive at rows whose lower end is active; zero where the solver failed.
+        Positive at rows whose lower end is active; zero where the solver failed or time was over.
     points : (K, m) float
-        NaN where the solver failed.
+        NaN there.
     """
     unit = float(np.median(rows.radius[rows.radius > 0])) if np.any(rows.radius > 0) else 1.0
     matrix = sps.csr_array(rows.features.middle())
@@ -74,7 +78,9 @@ def multipliers(rows: Rows, costs: Reals) -> tuple[Reals, Reals]:
     dual = np.zeros((len(costs), rows.target.size))
     points = np.full((len(costs), rows.size), np.nan)
     for k, cost in enumerate(costs):
-        found = model.solve(cost)
+        if time.monotonic() >= until:
+            break
+        found = model.solve(cost, _left(until))
         if found.status == "solved":
             dual[k], points[k] = found.dual, found.x * unit
     return dual, points
@@ -120,12 +126,24 @@ def prove_reach(value: Reals, slack: Reals) -> Reals | None:
     return up(size + up(up(coupling.sum(axis=1) * (1.0 + 1e-12)) * largest))
 
 
-def least_factor(rows: Rows) -> tuple[float, Reals, Reals]:
+def _left(until: float) -> float | None:
+    """Seconds until a reading of ``time.monotonic``; None where there is no end."""
+    return None if until == inf else max(until - time.monotonic(), 0.0)
+
+
+def least_factor(rows: Rows, until: float = inf) -> tuple[float, Reals, Reals]:
     """Solve for the least factor k with abs(y - F theta) <= k radius; nothing proved rests on it.
+
+    Parameters
+    ----------
+    rows : Rows
+    until : float
+        Reading of ``time.monotonic`` at which the program ends.
 
     Returns
     -------
     factor : float
+        Infinite where the solver failed or time was over.
     theta : (m,) float
     dual : (2, T) float
         Multipliers of the lower and the upper rows.
@@ -138,7 +156,7 @@ def least_factor(rows: Rows) -> tuple[float, Reals, Reals]:
     free, target = np.full(count, np.inf), rows.target / unit
     ends = np.concatenate([target, -free]), np.concatenate([free, target])
     columns = np.append(np.full(m, -np.inf), 0.0), np.full(m + 1, np.inf)
-    found = LinearModel(matrix, ends, columns).solve(np.append(np.zeros(m), 1.0))
+    found = LinearModel(matrix, ends, columns).solve(np.append(np.zeros(m), 1.0), _left(until))
     if found.status != "solved":
         return np.inf, np.zeros(m), np.zeros((2, count))
     return float(found.x[-1]), found.x[:-1] * unit, found.dual.reshape(2, count)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,22 @@ def test_orders_are_raised_with_proofs_until_the_set_collapses_on_the_ideal_cont
     assert found.centre.integrators == 1
     matching = found.matching(P)
     assert matching.stable and matching.fit > 99.9
+
+
+def test_one_time_limit_is_for_all_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each order is given what those before it and the sums of rows have left."""
+    design = import_module("setid.control.design")  # the package has a function of this name
+    limits, identify = list[float](), design.identified
+
+    def noted(data, model, noise, known, integrators, options, **rest):
+        limits.append(options.time_limit)
+        return identify(data, model, noise, known, integrators, options, **rest)
+
+    monkeypatch.setattr(design, "identified", noted)
+    options = setid.Options(time_limit=20.0, progress=False)
+    found = control.design(experiment(1e-6, 20), M, control.LTI(most=2), 1e-6, options=options)
+    assert found.empty and found.order == 2 and [item.order for item in found.refuted] == [1]
+    assert len(limits) == 2 and 20.0 > limits[0] > limits[1] > 0.0
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from identified_cases import empty, first_order, identified, second_order
 from scipy.optimize import linprog
 
 import setid
+import sparsepop_py as sp
 from setid.feasible_points.centre import central
 from setid.feasible_points.members import (
     feasible,
@@ -104,6 +105,26 @@ def test_centre_error_and_membership() -> None:
     other = central(second_order(samples=200))
     assert other.member is False and "feasible()" in str(other)
     assert is_member(second_order(samples=200).formulation, feasible(second_order(samples=200)))
+
+
+def test_one_limit_is_for_all_that_is_proved_of_a_centre(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = second_order(samples=200)
+    late, low, high = central(result, time_limit=0.0), *result.outer_box
+    assert late.member is None and np.isnan(late.level) and "is not proved" in str(late)
+    assert late.theta == pytest.approx((low + high) / 2)
+    assert np.all(late.error >= (high - low) / 2)
+    limits, solve = list[float | None](), sp.solve
+
+    def noted(problem, options):
+        limits.append(options.time_limit)
+        return solve(problem, options)
+
+    monkeypatch.setattr(sp, "solve", noted)
+    assert central(result, 20.0).member is False
+    assert len(limits) == 1 and limits[0] is not None and limits[0] < 20.0
+    for wrong in (-1.0, "long"):
+        with pytest.raises(setid.SetidError, match="time_limit: found"):
+            central(result, wrong)  # type: ignore[arg-type]
 
 
 def test_nominal_is_consistent_where_the_centre_is_not() -> None:

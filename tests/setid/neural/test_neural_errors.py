@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import mpmath
@@ -14,7 +15,7 @@ import setid
 import sparsepop_py as sp
 from setid import neural
 from setid.neural.arithmetic import Interval
-from setid.neural.last_layers import select
+from setid.neural.last_layers import polytope, select
 
 
 def ramp() -> tuple[neural.NNARX, setid.IOData]:
@@ -436,3 +437,43 @@ def test_statuses_follow_and_fields_that_do_not_fit_are_no_error() -> None:
     ):
         verdict = forged.verify()
         assert not verdict and verdict.reason, forged
+
+
+def test_last_layers_and_their_bands_prove_less_where_time_is_over() -> None:
+    net, data = plant(30, 0.05)
+    noise = setid.Noise(equation=0.05)
+    found = neural.last_layer(net, data, noise)
+    late = neural.last_layer(net, data, noise, time_limit=0.0)
+    assert late.status is neural.Status.OPEN and late.verify()
+    assert all(i.outer == (-np.inf, np.inf) for i in late.intervals.values())
+    whole, brief = found.band(), found.band(time_limit=0)
+    assert brief.verify() and np.all(np.isfinite(brief.low[1:]))
+    assert np.all(brief.low[1:] <= whole.low[1:]) and np.all(brief.high[1:] >= whole.high[1:])
+    assert brief.width > whole.width
+    uncertain = setid.Noise(output=0.01)
+    assert neural.last_layer(net, data, uncertain, time_limit=0).verify()
+    for ask in (lambda t: neural.last_layer(net, data, noise, time_limit=t), found.band):
+        with pytest.raises(setid.SetidError):
+            ask(-1)
+
+
+def test_no_program_of_a_last_layer_is_begun_when_time_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each linear program takes ten seconds on this clock: one more is begun at most."""
+    net, data = plant(30, 0.05)
+    clock, solve = [0.0], polytope.LinearModel.solve
+
+    def slow(self, cost, time_limit=None):
+        clock[0] += 10.0
+        return solve(self, cost)
+
+    monkeypatch.setattr(polytope.LinearModel, "solve", slow)
+    monkeypatch.setattr(polytope.time, "monotonic", lambda: clock[0])
+    found = neural.last_layer(net, data, setid.Noise(equation=0.05), time_limit=25.0)
+    assert clock[0] == 30.0 and found.verify()
+
+    unknown = SimpleNamespace(status="stopped")
+    monkeypatch.setattr(polytope.LinearModel, "solve", lambda *_: unknown)
+    with pytest.raises(setid.NoiseError, match="the time limit was over before the least"):
+        neural.last_layer(net, data, time_limit=0.0)
