@@ -58,6 +58,7 @@ __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
 Reals = NDArray[np.float64]
 _CLOSED = 1e-6  # of the width of an interval: what "certified" allows between its ends
+_MOST = 1_000_000  # members that are drawn at once
 _FAILURES = 20  # of a walk in a row, after which the set is taken to be a point
 _SHIFTS = (1e-9, 1e-7, 1e-5, 1e-3)  # towards the inside, tried until vertices are proved members
 
@@ -211,7 +212,7 @@ class LastLayer:
         Parameters
         ----------
         count : int
-            At least 1.
+            From 1 to a million.
         seed : int
 
         Returns
@@ -220,10 +221,11 @@ class LastLayer:
 
         Raises
         ------
-        NoiseError
-            If no member was attained.
+        ModelError, NoiseError
+            If count or seed is out of range, or no member was attained.
         """
-        count, seed = natural(count, "count", ModelError, 1), natural(seed, "seed", ModelError)
+        count = natural(count, "count", ModelError, 1, _MOST)
+        seed = natural(seed, "seed", ModelError)
         rows = _rows(self.net, self.data, self.noise)
         rng = np.random.default_rng(seed)
         drawn = [_walk(part, item, count, rng) for part, item in zip(rows, self.sets, strict=True)]

@@ -477,3 +477,11 @@ def test_no_program_of_a_last_layer_is_begun_when_time_is_over(
     monkeypatch.setattr(polytope.LinearModel, "solve", lambda *_: unknown)
     with pytest.raises(setid.NoiseError, match="the time limit was over before the least"):
         neural.last_layer(net, data, time_limit=0.0)
+
+
+def test_no_more_members_are_drawn_than_memory_holds() -> None:
+    net, data = ramp()
+    found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    for count in (10**30, 0):
+        with pytest.raises(setid.ModelError, match="count: found"):
+            found.members(count)
