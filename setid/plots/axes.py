@@ -6,7 +6,7 @@ which it is. Functions return axes and change nothing but them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,11 +118,13 @@ def fill_between(
     colour: str,
     label: str,
     alpha: float = 0.3,
+    step: Literal["post"] | None = None,
 ) -> None:
-    """Fill between two lines, leaving gaps where one of them is not finite."""
+    """Fill between two lines or stairs, leaving gaps where one of them is not finite."""
     finite = np.isfinite(low) & np.isfinite(high)
     a, b = np.where(finite, low, 0.0), np.where(finite, high, 0.0)
-    ax.fill_between(time, a, b, where=finite, color=colour, alpha=alpha, lw=0, label=label)
+    style: dict[str, Any] = {"color": colour, "alpha": alpha, "lw": 0, "label": label}
+    ax.fill_between(time, a, b, where=finite, step=step, **style)
 
 
 def far(

@@ -151,10 +151,11 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     axes = new_axes(ax)
-    fill_between(axes, band.time, *far(band.low, band.high), COLOUR[band.kind], band.kind)
+    whole = far(band.low, band.high)
+    fill_between(axes, band.time, *whole, COLOUR[band.kind], band.kind, step="post")
     attained = band.attained_low, band.attained_high
     if band.kind == "proved" and np.any(np.isfinite(attained)):
-        fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5)
+        fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5, step="post")
     clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
     axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
     axes.set_xlabel(time_label(band.time_unit))

@@ -117,8 +117,13 @@ def test_infinite_bands_can_be_drawn() -> None:
 
 
 def test_steps_records_and_residuals(result: setid.Identification) -> None:
-    ax = step_band(result, 20).plot()
+    band = step_band(result, 20)
+    ax = band.plot()
     assert "proved" in legend(ax)
+    drawn = ax.collections[0].get_paths()[0].vertices
+    for ends in (band.low, band.high):  # stairs, as the nominal response is drawn
+        held = np.column_stack([band.time[1:], ends[:-1]])
+        assert np.all(np.abs(drawn[:, None] - held).max(axis=2).min(axis=0) <= 1e-9)
     (axes,) = simulate_band(result).plot()
     assert {"readings (proved)", "models (proved)", "reading"} <= legend(axes)
     (axes,) = compare(result).plot()
