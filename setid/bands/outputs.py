@@ -106,7 +106,9 @@ class OutputBand:
     def outside(self) -> NDArray[np.int64]:
         """Sample and output (both from 0) of readings outside the band, shape (K, 2).
 
-        One of them, outside a proved band, falsifies the assumptions for this record.
+        One of them, outside a proved band, falsifies the assumptions for this record and the
+        one identified from together: no parameter vector explains both. Each of the two may be
+        explained by vectors of its own.
         """
         with np.errstate(invalid="ignore"):
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
@@ -196,9 +198,10 @@ class Comparison:
             key = int(band.data.record[row]) + 1, row - int(band.data.first[row])
             sample = samples_listed((key,), band.data.records)
             lines.append(
-                "the assumptions are falsified for this record, first by "
-                f"{band.data.output_names[output]} at sample "
-                f"{sample}: larger noise bounds, a higher order or another structure is needed"
+                "the assumptions are falsified for this record together with the one identified "
+                f"from, first by {band.data.output_names[output]} at sample {sample}: no parameter "
+                "vector explains both within the noise bounds; larger bounds, a higher order or "
+                "another structure is needed"
             )
         lines += [self.advice] if self.advice else []
         return "\n".join(lines)

@@ -26,7 +26,11 @@ Intervals = Mapping[str, ParameterInterval]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Holdout:
-    """Verdict of a held-out record on an identified set.
+    """Verdict of a held-out record on the outer box of an identification.
+
+    The box holds every vector that explains the samples identified from, and others too. So
+    ``holds`` may be True while no single vector explains both parts. Where a proved band shows
+    that, :func:`setid.compare` says that the assumptions are falsified.
 
     Parameters
     ----------
@@ -59,20 +63,33 @@ class Holdout:
 
     @property
     def holds(self) -> bool | None:
-        """True if the bounds explain the samples, False if they are refuted, None if open."""
+        """True if some vector of the outer box explains the samples within the noise bounds.
+
+        False where that is refuted, None where it is open.
+        """
         low, high = self.scale
         return True if high <= 1.0 else (False if low > 1.0 else None)
 
     @property
     def text(self) -> str:
-        """One sentence."""
-        what = {
-            True: "the noise bounds hold on the part that was held out",
-            False: "the noise bounds are refuted by the part that was held out",
-            None: "whether the noise bounds hold on the part that was held out is open",
+        """One sentence: the verdict, what it was asked of, and the least factor."""
+        what, who = {
+            True: (
+                "the noise bounds hold on the part that was held out",
+                "some vector of the outer box explains it, perhaps none that explains the samples "
+                "identified from as well",
+            ),
+            False: (
+                "the noise bounds are refuted by the part that was held out",
+                "no vector of the outer box explains it",
+            ),
+            None: (
+                "whether the noise bounds hold on the part that was held out is open",
+                "no vector of the outer box is known to explain it, nor is that refuted",
+            ),
         }[self.holds]
         factor = f"least factor on {self.level.noise.scaled}: {ends_of(self.scale, 4)}"
-        return f"{what} ({self.data.samples} samples); {factor}"
+        return f"{what} ({self.data.samples} samples): {who}; {factor}"
 
     def verify(self, known: Formulation, intervals: Intervals) -> Verification:
         """Check both ends again, for members of the outer box of an identification.

@@ -163,3 +163,25 @@ def test_held_out_samples_are_refused_before_the_work_where_nothing_can_be_said(
     level = replace(held.level, formulation=setid.formulate(fast, MODEL, noise))
     verdict = replace(linear(), holdout=replace(held, level=level)).verify()
     assert verdict.reason == "held-out samples: the sampling time is another one"
+
+
+def test_texts_say_that_each_part_may_be_explained_where_both_together_are_not() -> None:
+    """By hand, y = b u + c with |e| <= 1 and u = 10, 11.
+
+    From y = 10, 11 follow b in [-1, 3] and c in [-21, 21], but also 9 <= 10 b + c <= 11. The
+    part y = 15, 16 is explained by (1, 5): in the box, not in the set, whose readings at u = 10
+    lie in [8, 12].
+    """
+    line = setid.TransferFunction(na=0, nb=1, nk=0, offset=True)
+    first, second = setid.IOData([10, 11], [10, 11]), setid.IOData([10, 11], [15, 16])
+    result = setid.identify(first, line, setid.Noise(equation=1), (), FAST, holdout=second)
+    assert result.holdout is not None and result.holdout.holds is True
+    assert "perhaps none that explains the samples identified from" in result.holdout.text
+    compared = setid.compare(result, second, "prediction")
+    low, high = compared.band.reading_low[0, 0], compared.band.reading_high[0, 0]
+    assert (low, high) == pytest.approx((8.0, 12.0), abs=1e-9)
+    said = compared.summary()
+    assert "together with the one identified from, first by y1 at sample 0" in said
+    assert "no parameter vector explains both within the noise bounds" in said
+    both = setid.consistency(setid.IOData.concat([first, second]), line, setid.Noise(equation=1))
+    assert both.scale == pytest.approx((2.5, 2.5))  # 10 b + c is 5 from 10 and from 15 at best
