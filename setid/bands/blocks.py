@@ -142,11 +142,18 @@ def static_band(
     name : str, optional
         The signal that the map defines; needed where there are several maps.
     x : array_like (K,) or (K, arguments), optional
-        Arguments; 41 over the range of the readings when left out, for a single measured one.
+        Arguments at which the map is bounded. 41 over the range of the readings when left out,
+        which needs a map of a single measured signal.
     kind : {"proved", "sampled"}
+        Values of the map of every consistent system, or of those that are known.
     seconds : float
-        Time of the engine to narrow a proved band; 0 for linear programs over what is proved
-        of the parameters already.
+        Time in which the engine narrows a proved band. With 0, the default, the band follows by
+        linear programs from what is proved of the parameters already.
+
+    Returns
+    -------
+    StaticBand
+        With ``low`` and ``high`` (K,); ``kind`` says what they are.
 
     Raises
     ------
@@ -266,7 +273,13 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     result : FeasibleSet
         Of a block structure.
     name : str
-        One of ``model.internal``.
+        One of ``result.formulation.model.internal``, such as ``"w"`` between the map and the
+        linear block of a Hammerstein structure.
+
+    Returns
+    -------
+    SignalBand
+        ``low``, ``high`` (N,) are proved; NaN at samples without a value.
 
     Raises
     ------

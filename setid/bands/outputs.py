@@ -333,13 +333,15 @@ def predict(
     noise : Noise, optional
         Of this record; that of the identification when left out.
     time_limit : float
-        Seconds for linear programs; ranges that are left then are those over the outer box.
+        Seconds for linear programs. Ranges that there is no time for are those over the outer
+        box, which are valid and wider.
 
     Returns
     -------
     OutputBand
-        NaN where no row predicts a sample. Where one asks for a sample that is missing and has a
-        range, ``low`` and ``high`` are those of readings.
+        NaN at samples that no equation predicts, such as the first ones of a record. An equation
+        may hold a missing sample that has a range (``y_range``); ``low`` and ``high`` are then
+        bounds of the reading, as ``reading_low`` and ``reading_high``.
 
     Raises
     ------
@@ -409,17 +411,22 @@ def compare(
 ) -> Comparison:
     """Compare the nominal model and the band of all models with a record.
 
+    The nominal model is the consistent vector that fits the identification record best in this
+    mode, where one is known. A reading outside a proved band shows that no parameter vector
+    explains both records within the noise bounds.
+
     Parameters
     ----------
     result : FeasibleSet
     validation : IOData, optional
         The identification record when left out.
     mode : {"simulation", "prediction"}
+        Outputs from the inputs alone, the default, or one step ahead from the readings before.
     kind : {"proved", "sampled"}, optional
         As in :func:`simulate_band`; bands of predictions are always proved.
     noise : Noise, optional
-        Of the validation record; that of the identification when left out (bounds that
-        are given one a sample then have to fit).
+        Of the validation record; that of the identification when left out. Bounds that are given
+        one a sample then need as many samples in both records.
     time_limit : float
         Seconds, three quarters of them for a proved band of simulations, the rest for the best
         member.
@@ -428,6 +435,13 @@ def compare(
     -------
     Comparison
         Samples from which the simulation starts do not count for the fit.
+
+    Raises
+    ------
+    SetidError
+        If the set is empty, or mode, kind or limit are none of these.
+    DataError
+        If the channels of the record are not those of the model.
 
     Examples
     --------

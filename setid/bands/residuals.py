@@ -83,6 +83,12 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     theta : (p,) array_like, optional
         The nominal model when left out.
 
+    Returns
+    -------
+    Residuals
+        One value a row, in the unit of the output; ``outside`` lists rows that noise within its
+        bounds does not explain by themselves.
+
     Raises
     ------
     SetidError

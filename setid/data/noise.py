@@ -235,12 +235,20 @@ class Noise:
         Returns
         -------
         tuple of arrays
-            In the units of the signals. Missing samples have no noise: their bound is 0.
+            In the units of the signals; relative bounds are multiplied by the sizes of the
+            readings. Missing samples have no noise: their bound is 0.
 
         Raises
         ------
         NoiseError
             If the shape of a bound does not fit the data.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([1, 2], [3, 4])
+        >>> [bound.ravel().tolist() for bound in setid.Noise(output=0.5).bounds(data)]
+        [[0.5, 0.5], [0.0, 0.0], [0.0, 0.0]]
         """
         output = _spread(self.output, "output", data.samples, data.outputs)
         input = _spread(self.input, "input", data.samples, data.inputs)
@@ -266,13 +274,22 @@ class EnergyBound:
     Parameters
     ----------
     kind : {"output", "input", "equation"}
+        Which noise.
     radius : float
-        The sum of squares of the samples is at most its square.
+        In the unit of the signal, at least 0: the sum of squares of the samples of a record is at
+        most its square.
+
+    Raises
+    ------
+    NoiseError
+        If kind or radius are none of these.
 
     Examples
     --------
     >>> import setid
     >>> noise = setid.Noise(output=1.0, constraints=[setid.EnergyBound("output", 3.0)])
+    >>> noise.constraints[0].radius  # nine samples of size 1 are allowed, ten are not
+    3.0
     """
 
     kind: str
@@ -305,8 +322,14 @@ class RateLimit:
     Parameters
     ----------
     kind : {"output", "input", "equation"}
+        Which noise.
     limit : float
-        In the unit of the signal, per sampling interval.
+        In the unit of the signal, per sampling interval; at least 0.
+
+    Raises
+    ------
+    NoiseError
+        If kind or limit are none of these.
 
     Examples
     --------

@@ -338,14 +338,28 @@ class IOData:
         ----------
         path : path-like
         u, y : str or sequence of str
-            Names of the variables; several become channels side by side. Rows or columns.
+            Names of the variables, ``"u"`` and ``"y"`` when left out; several become channels side
+            by side. Each may be a row or a column of N numbers.
         Ts : float
-            Sampling time.
+            Sampling time in the unit of time of your choice; 1 when left out.
+
+        Returns
+        -------
+        IOData
 
         Raises
         ------
         DataError
             If the file or a variable cannot be read.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile, setid
+        >>> from scipy.io import savemat
+        >>> path = pathlib.Path(tempfile.mkdtemp(), "record.mat")
+        >>> savemat(path, {"u": [1.0, 2.0], "y": [3.0, 4.0]})
+        >>> setid.IOData.from_mat(path, Ts=0.1).y.ravel().tolist()
+        [3.0, 4.0]
         """
         left, right = listed(u), listed(y)
         arrays = read_mat_columns(path, [*left, *right])
@@ -424,7 +438,25 @@ class IOData:
         Parameters
         ----------
         at : int or float
-            A row number in 1..N-1, or a fraction of the samples between 0 and 1.
+            A row number in 1..N-1, which is the first row of the second part, or a fraction of the
+            samples between 0 and 1, rounded down to a row.
+
+        Returns
+        -------
+        tuple of IOData
+            Two records. A record in which ``at`` lies goes on in the second part as a new one.
+
+        Raises
+        ------
+        DataError
+            If ``at`` is neither, or a part would have no reading of a channel.
+
+        Examples
+        --------
+        >>> import setid
+        >>> first, second = setid.IOData([1, 2, 3, 4], [5, 6, 7, 8]).split(0.75)
+        >>> first.samples, second.y.ravel().tolist()
+        (3, [8.0])
         """
         fraction = number(at, "at", DataError)
         whole = isinstance(at, (int, np.integer))
@@ -465,13 +497,29 @@ class IOData:
     def decimate(self, m: int) -> IOData:
         """Take every m-th sample of each record, without filtering.
 
-        A kept sample obeys its noise bound as before. That the discrete model still holds
-        presumes an input that does not change between kept samples; the result says so.
+        A kept sample obeys its noise bound as before. The discrete model still holds only if the
+        input does not change between kept samples; results list that among their assumptions.
 
         Parameters
         ----------
         m : int
             At least 1; the sampling time becomes m Ts.
+
+        Returns
+        -------
+        IOData
+
+        Raises
+        ------
+        DataError
+            If m is no integer of at least 1.
+
+        Examples
+        --------
+        >>> import setid
+        >>> slow = setid.IOData([1, 1, 2, 2], [5, 6, 7, 8], Ts=0.1).decimate(2)
+        >>> slow.y.ravel().tolist(), slow.Ts
+        ([5.0, 7.0], 0.2)
         """
         step = natural(m, "m", DataError, least=1)
         keep = (np.arange(self.samples) - self.first) % step == 0
@@ -487,13 +535,31 @@ class IOData:
     def detrend(self, kind: str = "constant") -> IOData:
         """Subtract mean or straight line from each channel of each record.
 
-        This changes the data by numbers estimated from them, which no noise bound covers:
-        the assumption is recorded. An unknown constant is better a parameter of the model
+        The mean and the line are estimated from the data, and no noise bound covers their error.
+        So results list among their assumptions that the trend is what least squares found. To keep
+        an unknown constant among what is proved, make it a parameter of the model instead
         (``offset=True``). Ranges of signals are dropped.
 
         Parameters
         ----------
         kind : {"constant", "linear"}
+            Mean, the default, or straight line.
+
+        Returns
+        -------
+        IOData
+
+        Raises
+        ------
+        DataError
+            If the kind is another one.
+
+        Examples
+        --------
+        >>> import setid
+        >>> flat = setid.IOData([1, 2, 3], [5, 6, 10]).detrend()
+        >>> flat.y.ravel().round(9).tolist(), len(flat.assumptions)
+        ([-2.0, -1.0, 3.0], 1)
         """
         word(kind, "kind", ("constant", "linear"), DataError)
         degree = 0 if kind == "constant" else 1

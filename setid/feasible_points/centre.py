@@ -102,12 +102,15 @@ def central(result: FeasibleSet, time_limit: float = 10.0) -> Central:
     ----------
     result : FeasibleSet
     time_limit : float
-        Seconds for level and consistency; centre and errors need none. A proof under way may take
-        a fifth longer.
+        Seconds for the two questions that need a search: with which factor on the noise bounds
+        the centre explains the record (``level``), and whether it is consistent (``member``).
+        Both stay open where time is over; a proof under way may take a fifth longer. Centre and
+        error follow from the intervals at once.
 
     Returns
     -------
     Central
+        With ``theta`` (p,), ``error`` (p,), ``level`` and ``member``.
 
     Raises
     ------

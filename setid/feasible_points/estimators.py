@@ -89,7 +89,15 @@ def least_squares(data: IOData, model: Structure) -> Estimate:
     Returns
     -------
     Estimate
-        The solution of least norm where the regressors are dependent.
+        Its ``cost`` is the sum of squares. Where the regressors are dependent, so that many
+        vectors have the least sum, the one of least norm.
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+    DataError
+        If the channels do not fit, or no row is complete.
 
     References
     ----------
@@ -120,20 +128,32 @@ def recursive_least_squares(
     Parameters
     ----------
     data : IOData
+        Rows with missing samples are left out.
     model : Structure
         Linear in its parameters.
     forgetting : float
-        In (0, 1]; old rows lose this factor at each step.
+        In (0, 1]: the weight of each row is multiplied by it at every later row. 1, the default,
+        forgets nothing.
     initial : array_like (p,), optional
         Estimate before the first row; zero when left out.
     covariance : float or array_like (p, p)
-        Its covariance P_0. With forgetting 1 the last estimate minimises the sum of squares
-        plus (theta - initial)' P_0^-1 (theta - initial).
+        Covariance P_0 of the initial estimate; a number stands for that multiple of the identity.
+        With forgetting 1 the last estimate minimises the sum of squares plus
+        (theta - initial)' P_0^-1 (theta - initial).
 
     Returns
     -------
     Estimate
-        With ``history``.
+        With ``history`` (R, p), the estimate after each of the R rows.
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+    DataError
+        If the channels do not fit, or no row is complete.
+    SetidError
+        If forgetting, initial or covariance are none of these.
 
     References
     ----------
@@ -186,13 +206,28 @@ def _information_root(
 
 
 def l1(data: IOData, model: Structure) -> Estimate:
-    """Minimise the sum of absolute residuals, by a linear program.
+    """Minimise the sum of absolute equation residuals, by a linear program.
+
+    Nothing is proved here; :func:`fit` proves a lower bound of the sum.
 
     Parameters
     ----------
     data : IOData
+        Rows with missing samples are left out.
     model : Structure
         Linear in its parameters.
+
+    Returns
+    -------
+    Estimate
+        Its ``cost`` is the sum, in the unit of the output.
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+    DataError
+        If the channels do not fit, or no row is complete.
 
     Notes
     -----
@@ -219,16 +254,29 @@ def l1(data: IOData, model: Structure) -> Estimate:
 
 
 def linf(data: IOData, model: Structure) -> Estimate:
-    """Minimise the largest absolute residual, by a linear program.
+    """Minimise the largest absolute equation residual, by a linear program.
 
-    The cost is the least bound of an equation error that explains the data (up to the
-    accuracy of the solver).
+    Nothing is proved here; :func:`consistency` and :func:`fit` prove the same number.
 
     Parameters
     ----------
     data : IOData
+        Rows with missing samples are left out.
     model : Structure
         Linear in its parameters.
+
+    Returns
+    -------
+    Estimate
+        Its ``cost`` is the least bound of an equation error that explains the data, in the unit
+        of the output and up to the accuracy of the solver.
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+    DataError
+        If the channels do not fit, or no row is complete.
 
     References
     ----------

@@ -163,8 +163,14 @@ def feasible(result: FeasibleSet) -> Reals:
     Returns
     -------
     (p,) float
-        The mean of the attained vectors where that is consistent, else the one of them that
-        needs the least noise; where no linear program can tell, that nearest to the mean.
+        The mean of the attained vectors, where that is consistent. Otherwise the attained vector
+        that needs the least noise. Where that cannot be computed by a linear program, the one
+        that is nearest to the mean.
+
+    Raises
+    ------
+    SetidError
+        If the set is proved empty, or no consistent vector is known.
 
     Examples
     --------

@@ -115,7 +115,8 @@ def equivalent(
 ) -> bool:
     """Check that two parameter vectors have the same outputs for all inputs.
 
-    Both are brought to one normalisation, in which they must agree; vectors of different
+    Gains may be moved between the blocks of a structure without any change of its outputs. Both
+    vectors are brought to one normalisation, in which they must agree. Vectors of different
     normalisations are to be given in full, for ``model.normalised(None)``.
 
     Parameters
@@ -123,7 +124,18 @@ def equivalent(
     model : BlockStructured
     theta, other : array_like (p,) or mapping of names to numbers
     tolerance : float
-        Relative.
+        Largest relative difference of their coefficients that counts as none.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ModelError
+        If the model is no block structure.
+    SetidError
+        If names or shapes of a vector do not fit.
 
     Examples
     --------

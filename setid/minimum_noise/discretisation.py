@@ -158,14 +158,15 @@ def estimate_delta(
     options : Options, optional
         30 seconds when left out.
     margin : float
-        Factor >= 1 on what was found. The true error may be larger than the least one that
-        the record shows, and then the true coefficients are lost: 1 is an optimist's choice.
+        Factor >= 1 on what was found. The true error may be larger than the least one that the
+        record shows. With margin 1, the default, the true coefficients may then lie outside the
+        intervals.
 
     Returns
     -------
     EstimatedBound
-        Consistent with the data (attained); its text says what is proved to be too small.
-        For :meth:`Noise.covering`.
+        In the unit of the output, for :meth:`Noise.covering`. It is consistent with the data
+        (attained); its text says what is proved to be too small.
 
     Raises
     ------

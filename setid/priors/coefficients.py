@@ -61,12 +61,21 @@ class Box(Plain):
     Parameters
     ----------
     intervals : mapping of str to (low, high)
-        None or an infinity for an end that is not known.
+        From names of parameters to their ends, which belong to the interval. None or an infinity
+        for an end that is not known.
+
+    Raises
+    ------
+    PriorError
+        If low > high, or an end is no number. :func:`formulate` refuses unknown names.
 
     Examples
     --------
     >>> import setid
-    >>> prior = setid.Box({"a1": (-1, 1), "b0": (0, None)})
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    >>> setid.identify(data, model, noise, [setid.Box({"b0": (None, 2)})]).intervals["b0"]
+    b0 in [1.91666, 2], attained [1.91667, 2], certified
     """
 
     intervals: Mapping[str, tuple[float | None, float | None]]
@@ -93,11 +102,20 @@ class Known(Plain):
     Parameters
     ----------
     values : mapping of str to float
+        From names of parameters to their values, which are taken as exact.
+
+    Raises
+    ------
+    PriorError
+        If a value is no finite number. :func:`formulate` refuses unknown names.
 
     Examples
     --------
     >>> import setid
-    >>> prior = setid.Known({"b0": 0.0})
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    >>> setid.identify(data, model, noise, [setid.Known({"b0": 2.0})]).intervals["a1"]
+    a1 in [-0.5, -0.371999], attained [-0.499999, -0.372], certified
     """
 
     values: Mapping[str, float]
@@ -123,11 +141,20 @@ class Sign(Plain):
     Parameters
     ----------
     signs : mapping of str to {"+", "-", 1, -1}
+        From names of parameters to their signs.
+
+    Raises
+    ------
+    PriorError
+        If a sign is none of these. :func:`formulate` refuses unknown names.
 
     Examples
     --------
     >>> import setid
-    >>> prior = setid.Sign({"b1": "+", "a1": "-"})
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    >>> setid.identify(data, model, noise, [setid.Sign({"a1": "+"})]).empty  # a1 is negative
+    True
     """
 
     signs: Mapping[str, Any]

@@ -78,6 +78,11 @@ def read_prior(text: str) -> Prior:
         Such as ``"Stable(margin=0.05)"`` or ``"Box({'a1': (-1, 1)})"``. Nothing is evaluated
         but literals.
 
+    Returns
+    -------
+    Prior
+        To be given to :func:`identify` and :func:`formulate`.
+
     Raises
     ------
     PriorError

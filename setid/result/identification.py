@@ -183,7 +183,16 @@ class Identification(FeasibleSet):
         Returns
         -------
         tuple of (record, sample, count)
-            Most frequent first: these samples decide how wide the intervals are.
+            Records count from 1 and samples from 0; the count says at how many attained ends. Most
+            frequent first: these samples decide how wide the intervals are.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> result.binding()[0]
+        (1, 2, 4)
         """
         from setid.result.reports import binding
 

@@ -114,15 +114,23 @@ def simulate_record(
     u : array_like (N,) or (N, nu)
         Noise-free inputs.
     noise : Noise
-        Absolute bounds; sets over the record are not simulated.
+        Absolute bounds in the units of the signals, from which the noise is drawn uniformly.
     seed : int or numpy.random.Generator
+        The same seed gives the same record; 0 when left out.
     Ts : float, optional
         Sampling interval; that of a continuous-time structure, or 1, when left out.
 
+    Returns
+    -------
+    Simulated
+        ``data`` is the record with its noise; the other fields are what produced it.
+
     Raises
     ------
+    NoiseError
+        If bounds are relative, or there are constraints over the record.
     SetidError
-        If something does not fit the structure.
+        If something else does not fit the structure.
 
     Examples
     --------

@@ -36,6 +36,10 @@ __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 class Kind(Enum):
     """Kinds of constraints on a polynomial p or a matrix G.
 
+    ``NONNEGATIVE`` is p >= 0 and ``ZERO`` is p == 0. ``SECOND_ORDER`` is p >= |(f2, ..., fk)|,
+    the Euclidean norm, as :func:`second_order` makes it. ``PSD`` is a matrix G of polynomials that
+    has to be positive semidefinite, as :func:`psd` makes it.
+
     Examples
     --------
     >>> import sparsepop_py as sp
@@ -146,12 +150,21 @@ class Constraint:
         Parameters
         ----------
         i, j : int
-            From 0.
+            From 0 to ``side - 1``, which is not checked. The matrix is symmetric: i and j may be
+            exchanged.
 
         Returns
         -------
         int or None
-            None for an entry that is zero.
+            The place in ``entries``, from 0; None for an entry that is zero.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> cone = sp.second_order(2, x, y)  # [[2, x1, x2], [x1, 2, 0], [x2, 0, 2]]
+        >>> [[cone.position(i, j) for j in range(3)] for i in range(3)]
+        [[0, 1, 2], [1, 0, None], [2, None, 0]]
         """
         i, j = max(i, j), min(i, j)
         if self.kind is Kind.PSD:
@@ -460,9 +473,11 @@ class Polynomial:
         Parameters
         ----------
         exponents : (T, n) array_like or sparse
-            Non-negative integers, one row a term.
+            Non-negative integers, one row a term and one column a variable.
         coefficients : (T,) array_like
+            One number a term. Terms with equal exponents are added.
         names : sequence of str, optional
+            n distinct names; ``x1`` ... ``xn`` when left out.
 
         Returns
         -------
@@ -472,6 +487,12 @@ class Polynomial:
         ------
         ProblemError
             If exponents are negative or fractional, or the lengths differ.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> print(sp.Polynomial.from_terms([[2, 0], [0, 1]], [1, -3]))
+        -3*x2 + x1^2
         """
         values = np.atleast_1d(doubles(coefficients, "coefficients").copy()).ravel()
         exact_terms.require_doubles(coefficients, "coefficients")
@@ -694,16 +715,24 @@ class Polynomial:
         Parameters
         ----------
         variable : int
-            Its index, from 0.
+            Its index, from 0: 0 for ``x1``.
 
         Returns
         -------
         Polynomial
+            In the same n variables.
 
         Raises
         ------
         ProblemError
             If there is no such variable.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> print((x**2 * y).derivative(0))
+        2*x1*x2
         """
         whole = isinstance(variable, numbers.Integral) and not isinstance(variable, bool)
         if not whole or not 0 <= variable < self.dimension:

@@ -59,16 +59,21 @@ class Cones:
 class ConicProgram:
     """Conic program: minimise q'y + offset subject to s in K.
 
-    With s = b - A y, in the convention of this module.
+    The slacks are s = b - A y. The cone K is a product: first rows that have to be zero, then rows
+    that must not be negative, then matrices that have to be positive semidefinite. A matrix takes
+    the rows of its upper triangle, column by column, off-diagonal entries times the root of 2.
 
     Parameters
     ----------
     q : (M,) float
+        Objective of the M moments y.
     A : csc (R, M)
+        One row for each of the R entries of s.
     b : (R,) float
     cones : Cones
-        The cone K.
+        The cone K, by the number of its rows of each kind.
     offset : float
+        Constant of the objective; 0 when left out.
 
     Examples
     --------

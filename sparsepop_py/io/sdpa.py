@@ -44,6 +44,13 @@ def write_sdpa(program: ConicProgram, path: str | Path, title: str = "") -> None
         The first line, a comment. The constant of the objective, for which the format has no
         place, is added to it, and :func:`read_sdpa` finds it there.
 
+    Raises
+    ------
+    ProblemError
+        If the first argument is no conic program.
+    OutputError
+        If the file cannot be written; what was there before is unchanged.
+
     Examples
     --------
     >>> import tempfile, pathlib

@@ -217,8 +217,22 @@ class Problem:
         Returns
         -------
         float
-            In the user's units; 0.0 when every constraint and bound holds as evaluated in floating
-            point. A matrix is violated by its negative eigenvalues.
+            In the user's units: how far below 0 an inequality is, how far from 0 an equation, how
+            far outside a variable. A matrix is violated by its negative eigenvalues. 0.0 where all
+            hold, as evaluated in floating point, and inf where ``x`` has a NaN.
+
+        Raises
+        ------
+        ProblemError
+            If ``x`` has another shape.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> disc = sp.Problem(x * y, [x**2 + y**2 <= 1])
+        >>> disc.violation([1.0, 1.0]), disc.violation([0.5, 0.5])
+        (1.0, 0.0)
         """
         point = doubles(x, "x")
         if point.shape != (self.dimension,):
@@ -272,11 +286,25 @@ class Problem:
         Parameters
         ----------
         objective : Polynomial
-            In as many variables.
+            To be minimised, in the n variables of the problem.
 
         Returns
         -------
         Problem
+            A minimisation, without ``squares``, which speak of the old objective.
+
+        Raises
+        ------
+        ProblemError
+            If it is no polynomial in n variables.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> print(sp.Problem(x * y, [x**2 + y**2 <= 1]).with_objective(-x))
+        min -x1
+          s.t. 1 - x1^2 - x2^2 >= 0
         """
         if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
             raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")

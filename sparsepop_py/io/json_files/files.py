@@ -73,11 +73,12 @@ def to_json(value: Value) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`, of this version or of versions 3 to 5.
+    """Read the JSON text of :func:`to_json`, of version 7 or of versions 3 to 6.
 
     Parameters
     ----------
     source : str
+        The text itself; :func:`read_json` takes a path.
 
     Returns
     -------

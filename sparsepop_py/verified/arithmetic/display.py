@@ -12,7 +12,10 @@ __all__ = ["rounded"]
 
 
 def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = False) -> str:
-    """Format a bound in few digits, rounded outwards: as proved as the value.
+    """Format a bound in few digits, rounded outwards, so that the text is proved too.
+
+    A lower bound is rounded down and an upper bound up: what the text says is weaker than the
+    value, never stronger.
 
     Parameters
     ----------
@@ -20,7 +23,7 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Fa
     upwards : bool
         True for upper bounds, False for lower bounds.
     digits : int
-        Significant digits, 1 to 15.
+        Significant digits, 1 to 15; 10 when left out.
     scientific : bool
         With sign and exponent, for columns; by default in the shortest form.
 

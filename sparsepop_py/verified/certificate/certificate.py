@@ -271,6 +271,7 @@ class Certificate:
         Parameters
         ----------
         problem : Problem
+            The one that was solved, or an equal one; fingerprints are compared.
         known : dict, optional
             Filled with results that hold for other objectives too; pass one dict to verify
             certificates over the same feasible set faster.
@@ -279,7 +280,17 @@ class Certificate:
         -------
         Verdict
             ``ok`` is true exactly when the problem is the one that was certified and the
-            recomputed bound is at least the claimed one.
+            recomputed bound is at least the claimed one. Nothing is raised for another problem, or
+            for something that is none: ``reason`` says so.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, y = sp.variables(2)
+        >>> disc = sp.Problem(x * y, [x**2 + y**2 <= 1])
+        >>> verdict = sp.solve(disc).certificate.verify(disc)
+        >>> verdict.ok, round(verdict.bound, 6)
+        (True, -0.5)
         """
         if not isinstance(problem, Problem):
             return Verdict(False, -np.inf, f"found {type(problem).__name__}, expected a Problem")
@@ -352,8 +363,9 @@ class Certificate:
     def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
         """Lower the claim to the bound that verification reaches.
 
-        A search shrinks its box while the cutoff falls, and verification replays all steps with
-        the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
+        The cutoff falls while a search goes on, and the boxes of its nodes shrink with it.
+        Verification repeats all steps with the last cutoff. Rounding may then leave slightly larger
+        boxes, so that a claim may be too large by a few units in the last place.
 
         Parameters
         ----------
@@ -365,7 +377,17 @@ class Certificate:
         Returns
         -------
         Certificate or None
-            None where nothing is proved.
+            With the largest claim that verifies, at most that of this one; None where nothing is
+            proved of the problem.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, = sp.variables(1)
+        >>> problem = sp.Problem(x, lower=0, upper=1)
+        >>> certificate = sp.solve(problem).certificate
+        >>> certificate.settled(problem).bound == certificate.bound
+        True
         """
         found = bound, correction, _ = self.recompute(problem, known)
         if bound >= self.bound:
