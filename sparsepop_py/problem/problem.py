@@ -165,9 +165,7 @@ class Problem:
     @cached_property
     def equality(self) -> NDArray[np.bool_]:
         """Equalities among the constraints, shape (m,)."""
-        equality = np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
-        equality.flags.writeable = False
-        return equality
+        return _frozen(np.array([c.kind is Kind.ZERO for c in self.constraints], bool))
 
     @cached_property
     def first_alike(self) -> NDArray[np.int64]:
@@ -184,7 +182,7 @@ class Problem:
                 values = p.coefficients * np.copysign(1.0, p.coefficients[0])
                 key = p.words.shape, p.words.tobytes(), values.tobytes()
                 numbers[number] = first.setdefault(key, number)
-        return numbers
+        return _frozen(numbers)
 
     @cached_property
     def equations(self) -> NDArray[np.int64]:
@@ -192,10 +190,10 @@ class Problem:
 
         These are equalities and pairs of opposite inequalities, p >= 0 and -p >= 0.
         """
-        leading = [c.polynomial.coefficients[:1] for c in self.constraints]
-        positive = np.array([np.any(value > 0) for value in leading], bool)
+        leading = (c.polynomial.coefficients[:1].tolist() for c in self.constraints)
+        positive = np.array([value > [0.0] for value in leading], bool)
         both = np.intersect1d(self.first_alike[positive], self.first_alike[~positive])
-        return np.union1d(self.first_alike[self.equality], both).astype(np.int64)
+        return _frozen(np.union1d(self.first_alike[self.equality], both).astype(np.int64))
 
     @cached_property
     def squares_constant(self) -> float | None:
@@ -249,10 +247,8 @@ class Problem:
     @cached_property
     def bound_rows(self) -> NDArray[np.bool_]:
         """Constraints that are linear in one variable, that is, bounds, shape (m,)."""
-        return np.array(
-            [c.polynomial.degree == 1 and c.polynomial.support.size == 1 for c in self.constraints],
-            bool,
-        )
+        polynomials = (c.polynomial for c in self.constraints)
+        return _frozen(np.array([p.degree == 1 and p.support.size == 1 for p in polynomials], bool))
 
     @cached_property
     def sharpened(self) -> Problem:
@@ -470,6 +466,11 @@ def _check_constraint(number: int, row: Any, n: int) -> None:
             )
 
 
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
 def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDArray[np.float64]:
     values = doubles(default if given is None else given, field).copy()
     if values.ndim == 0:
@@ -479,8 +480,7 @@ def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDAr
     if np.any(np.isnan(values)):
         where = int(np.flatnonzero(np.isnan(values))[0]) + 1
         raise ProblemError(f"{field}: found NaN for variable {where}, expected a number")
-    values.flags.writeable = False
-    return values
+    return _frozen(values)
 
 
 def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...]:

@@ -163,7 +163,8 @@ def test_what_verification_reads_of_a_problem_is_read_only():
     systems = problem.rows, problem.objective_row, problem.matrices.system
     arrays = [a for s in systems for a in (s.words, s.coefficients, s.row)]
     arrays += [a for a in vars(problem.matrices).values() if isinstance(a, np.ndarray)]
-    for array in (problem.equality, *arrays):
+    arrays += [problem.equality, problem.first_alike, problem.bound_rows, problem.lower]
+    for array in (*arrays, Problem(x, [x == y]).equations):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
