@@ -199,17 +199,18 @@ def _of_equations(
     problem: Problem, x: NDArray[Any], equal: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:
     """Yield equalities, the variables to solve them for, and the kind of proof."""
-    system = problem.rows.take(equal)
-    jacobian = system.dense_jacobian(x)
+    jacobian = problem.rows.take(equal).dense_jacobian(x)
     distance = np.minimum(x - problem.lower, problem.upper - x)
     weight = np.clip(distance, 0.0, 1.0)
+    movable = np.any(jacobian * weight, axis=1)  # rows of variables on their bounds are checked
+    equal, jacobian = equal[movable], jacobian[movable]
     if equal.size > _SOME_ROWS:  # rationals take longer, and so do their pivots
         solved = _leading_columns(jacobian * weight)
         if solved is not None:
             yield equal, solved, "krawczyk"
             if equal.size > _MANY_ROWS:
                 return
-    couplings = _couplings(system)
+    couplings = _couplings(problem.rows.take(equal))
     for blocked in (couplings, None):
         rows, solved = _pivots(jacobian, weight, blocked)
         proof = "krawczyk" if blocked is None else "exact"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -40,3 +43,14 @@ def test_opposite_inequalities_and_repeated_equations_are_solved_once(effort: st
         assert result.attained is not None and result.attained.proof == "krawczyk"
         assert result.lower_bound <= -np.sqrt(5.0) + 1e-15 <= result.upper_bound + 2e-15
         assert sp.from_json(sp.to_json(result)).upper_bound == result.upper_bound
+
+
+@pytest.mark.parametrize("pinned", [lambda v: [v >= 0.3, v <= 0.3], lambda v: [v == 0.3]])
+def test_rows_of_pinned_variables_are_not_solved(pinned: Callable[[Any], list[Any]]) -> None:
+    """Beside so many equations, rows that nothing can be solved for cost the test of Krawczyk."""
+    *x, a, v = sp.variables(27)
+    problem = sp.Problem(a, [*(each**2 + a == 2 for each in x), *pinned(v)], -3, 3)
+    near = np.append(np.full(25, np.sqrt(1.01)), [0.99, 0.3])
+    found = prove_feasible(problem, near)
+    assert found is not None and found.proof == "krawczyk"
+    assert found.rows.tolist() == list(range(25)) and found.x[-1] == 0.3
