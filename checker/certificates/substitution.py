@@ -1,7 +1,8 @@
 """Rows solved one after the other: each variable as a whole number and the room around it.
 
 A pair (m, r) of whole numbers stands for all reals within r * 2**-K of m * 2**-K, r >= 0. Results
-are rounded to whole m, and r grows by what that can change. K grows until all r are small.
+are rounded to whole m, and r grows by what that can change: by nothing where they are exact. K
+grows until all r are small.
 """
 
 from __future__ import annotations
@@ -90,13 +91,15 @@ def _discs(
 def _times_number(disc: Disc, factor: Fraction) -> Disc:
     """A disc times an exact number."""
     top, bottom = factor.numerator, factor.denominator
-    return disc[0] * top // bottom, -(-disc[1] * abs(top) // bottom) + 1
+    whole, rest = divmod(disc[0] * top, bottom)
+    return whole, -(-disc[1] * abs(top) // bottom) + bool(rest)
 
 
 def _times(one: Disc, two: Disc, bits: int) -> Disc:
     """|a b - m n| <= |m| s + |n| r + r s for |a - m| <= r and |b - n| <= s."""
     (m, r), (n, s) = one, two
-    return m * n >> bits, (abs(m) * s + abs(n) * r + r * s >> bits) + 2
+    whole, rest = divmod(m * n, 1 << bits)
+    return whole, -(-(abs(m) * s + abs(n) * r + r * s) >> bits) + bool(rest)
 
 
 def _divided(rest: Disc, slope: Disc, bits: int) -> Disc | None:
@@ -105,5 +108,5 @@ def _divided(rest: Disc, slope: Disc, bits: int) -> Disc | None:
     least = abs(n) - s
     if least <= 0:
         return None
-    quotient = (m << bits) // n
-    return quotient, ((r << bits) + (abs(quotient) + 1) * s) // least + 2
+    quotient, rest = divmod(m << bits, n)
+    return quotient, -(-((r << bits) + (abs(quotient) + 1) * s) // least) + bool(rest)

@@ -568,7 +568,7 @@ def test_constraints_alike_a_row_are_zero_with_it(rows, word):
         ([1, 0], [2, 1], 0.75, 13 / 28 + 1e-12, "refused"),  # w before v
         ([0, 1], [2, 1], 0.75, 13 / 28 + 1e-12, "refused"),
         ([0], [1], 0.75, 13 / 28 + 1e-12, "refused"),
-        ([0, 2], [1, 2], 0.75, 13 / 28 + 1e-12, "refused"),  # an inequality is no equation
+        ([0, 2], [1, 2], 0.75, 13 / 28 + 1e-12, "refused"),  # the second equation fails
     ],
 )
 def test_rows_are_solved_one_after_the_other(rows, solved, x, value, word):
@@ -625,6 +625,36 @@ def test_first_rows_are_enclosed_by_few_bits(monkeypatch):
     for value in (third, -third, 2 * third):
         ((low, high),) = substitution.substituted([None], [0], [Fraction(0)], [value])
         assert low < value < high
+
+
+@pytest.mark.parametrize("bits", [6, 9])
+def test_products_and_quotients_are_enclosed_by_few_bits(bits, monkeypatch):
+    """w = u v, v z = u and 3 t = 1, for rational u and v, hold what so few bits lose."""
+    monkeypatch.setattr(substitution, "BITS", (bits,))
+    monkeypatch.setattr(substitution, "SMALL", 0)
+    u, v, w, z, t = sp.variables(5)
+    problem = sp.Problem(u, [u == 1, v == 1, w == u * v, v * z == u, 3 * t == 1])
+    stated = reading.problem(json.loads(sp.to_json(problem))["problem"])
+    rows = [c.polynomial for c in stated.constraints]
+    for a, b in ((1, 3), (-1, 3), (2, 7), (-5, 11), (1, 4)):
+        first = [Fraction(a, 3), Fraction(b, 5)]
+        found = substitution.substituted(rows, [0, 1, 2, 3, 4], [Fraction(0)] * 5, first)
+        truth = [*first, first[0] * first[1], first[0] / first[1], Fraction(1, 3)]
+        assert all(low <= t <= high for (low, high), t in zip(found, truth, strict=True))
+
+
+def test_solutions_that_are_doubles_may_lie_on_bounds():
+    """2 v = a, w = v^2 and (1 + v) z = 1 + v at a = 3/4 have v = 3/8, w = 9/64 and z = 1."""
+    a, v, w, z = sp.variables(4)
+    rows = [2 * v == a, w == v**2, (1 + v) * z == 1 + v]
+    found = {"certificate": None, "lower_bound": "-inf", "status": "BOUNDED"}
+    point = {"x": numbers("f8", [4], 0.75, 0.375, 0.140625, 1.0), "radius": 0.0}
+    point |= {"rows": numbers("i8", [3], 0, 1, 2), "solved": numbers("i8", [3], 1, 2, 3)}
+    point |= {"proof": "substitution", "value": 0.140625}
+    for upper, word in ((0.140625, "accepted"), (0.1406249, "refused")):
+        problem = sp.Problem(w, rows, 0, [1, 0.375, upper, 1])
+        found |= {"problem": json.loads(sp.to_json(problem))["problem"], "upper_bound": 0.140625}
+        assert verdict(found | {"attained": point}) == word
 
 
 def test_long_recursions_take_more_bits():
