@@ -17,6 +17,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial import Kind
+from sparsepop_py.io.other_software.scip_ import _check_rows
 
 MPS = """NAME test
 OBJSENSE
@@ -552,6 +553,18 @@ def test_rows_with_more_than_a_number_on_the_right_are_refused(row: str, tmp_pat
     pytest.importorskip("pyscipopt")
     with pytest.raises(sp.FormatError, match=r"row\.pip, line 4: found the row"):
         sp.read(pip_row(row, tmp_path))
+
+
+@pytest.mark.parametrize("last", ["x1 >= y", "x1 >= 1"])
+def test_long_rows_and_many_are_looked_at_in_one_pass(last: str, tmp_path: Path) -> None:
+    """Refusing a sum of 5 000 terms took minutes; 10 000 rows copied the file as often."""
+    rows = " c: x + y >= 1\n" * 10_000 + " d: " + "2 x1 + 3 y\n + " * 2_500 + last
+    text = f"minimize\n obj: x\nsubject to\n{rows}\nend\n"
+    if last == "x1 >= 1":
+        _check_rows(tmp_path, text)
+    else:
+        with pytest.raises(sp.FormatError, match="line 10004: found the row 'd: 2 x1"):
+            _check_rows(tmp_path, text)
 
 
 def test_rows_may_follow_each_other_and_go_over_lines(tmp_path: Path) -> None:

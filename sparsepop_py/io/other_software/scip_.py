@@ -61,13 +61,12 @@ _FROM_ROWS = re.compile(
     re.IGNORECASE | re.MULTILINE,
 )
 _LABEL = r"[^\s:<>=]+[ \t]*:"
-_ONE_ROW = (
-    re.compile(  # a label, something with a variable, a relation, a number that ends the line
-        rf"\s*(?:{_LABEL})?[^<>=:]*[^\W\d][^<>=:]*(?:[<>]=?|=[<>]?)\s*[+-]?\s*"
-        rf"(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?)(?=[ \t]*(?:\n|$|{_LABEL}))",
-        re.IGNORECASE,
-    )
+_ONE_ROW = re.compile(  # a label, something with a variable, a relation, a number alone
+    rf"(?:{_LABEL})?(?:\d|[^\w<>=:])*+[^\W\d][^<>=:]*+(?:[<>]=?|=[<>]?)\s*[+-]?\s*"
+    rf"(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?)(?=[ \t]*(?:\n|$|{_LABEL}))",
+    re.IGNORECASE,
 )
+_ANYTHING = re.compile(r"\S")
 _EXPRESSION = re.compile(r"\[nonlinear\] <c\d+>:(.*)")  # in files of SCIP's own format
 _FACTOR = r"(?:\(<x\d+>\)\^[\d.]+|<x\d+>)"
 _PRODUCT = re.compile(rf"{_FACTOR}(?:\*{_FACTOR})+")
@@ -176,11 +175,11 @@ def _check_rows(file: Path, text: str) -> None:
         return
     end = _FROM_ROWS.search(text, begin.end())
     place, stop = begin.end(), end.start() if end else len(text)
-    while text[place:stop].strip():
+    while found := _ANYTHING.search(text, place, stop):
+        place = found.start()
         row = _ONE_ROW.match(text, place, stop)
         if row is None:
-            place += len(text[place:stop]) - len(text[place:stop].lstrip())
-            shown = text[place:stop].partition("\n")[0][:40]
+            shown = text[place : min(place + 40, stop)].partition("\n")[0]
             raise FormatError(
                 f"{_line_of(file, text, place)}: found the row {shown!r}, expected one such as "
                 "'c: x + 2 y >= 1', with a number alone on the right"
