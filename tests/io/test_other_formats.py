@@ -555,6 +555,16 @@ def test_rows_with_more_than_a_number_on_the_right_are_refused(row: str, tmp_pat
         sp.read(pip_row(row, tmp_path))
 
 
+@pytest.mark.parametrize("label", ["end", "Bounds", "int", "semi", "sos1", "c"])
+def test_words_that_begin_sections_may_be_labels_of_rows(label: str, tmp_path: Path) -> None:
+    """SCIP reads the second row as x^3 + y >= 2, and goes on behind such a label."""
+    pytest.importorskip("pyscipopt")
+    path = pip_row(f"x + y >= 1\n {label}: -3 = - 2 x^2\n x + y >= 2", tmp_path)
+    with pytest.raises(sp.FormatError, match=rf"row\.pip, line 5: found the row '{label}: -3"):
+        sp.read(path)
+    assert len(sp.read(pip_row(f"x >= 1\n {label}: x + y >= 2", tmp_path)).constraints) == 2
+
+
 @pytest.mark.parametrize("last", ["x1 >= y", "x1 >= 1"])
 def test_long_rows_and_many_are_looked_at_in_one_pass(last: str, tmp_path: Path) -> None:
     """Refusing a sum of 5 000 terms took minutes; 10 000 rows copied the file as often."""

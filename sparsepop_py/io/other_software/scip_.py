@@ -57,7 +57,8 @@ RESERVED = frozenset(  # words that begin a section wherever they stand in .lp a
 )
 _TO_ROWS = re.compile(r"(?:^|\s)(?:subject\s+to|such\s+that|st\.?|s\.t\.)(?=\s)", re.IGNORECASE)
 _FROM_ROWS = re.compile(
-    r"^\s*(?:bounds?|gen(?:erals?)?|int(?:egers?)?|bin(?:ary|aries)?|semi\S*|sos\d?|end)\b",
+    r"^\s*(?:bounds?|gen(?:erals?)?|int(?:egers?)?|bin(?:ary|aries)?|semi[^\s:]*+|sos\d?|end)\b"
+    r"(?![ \t]*:)",  # else it is the label of a row
     re.IGNORECASE | re.MULTILINE,
 )
 _LABEL = r"[^\s:<>=]+[ \t]*:"
