@@ -565,6 +565,18 @@ def test_words_that_begin_sections_may_be_labels_of_rows(label: str, tmp_path: P
     assert len(sp.read(pip_row(f"x >= 1\n {label}: x + y >= 2", tmp_path)).constraints) == 2
 
 
+@pytest.mark.parametrize("head", ["st:", "s.t", "subjectto", ""])
+def test_rows_without_a_section_are_refused(head: str, tmp_path: Path) -> None:
+    """SCIP read the objective of such a file for ever."""
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "rows.pip"
+    path.write_text(f"minimize\n obj: x + y\n{head}\n c: x^2 + y >= 1\nbounds\n x <= 5\nend\n")
+    with pytest.raises(sp.FormatError, match="expected 'Subject to'"):
+        sp.read(path)
+    path.write_text("minimize\n obj: x + y\nbounds\n 1 <= x <= 5\n 2 <= y <= 3\nend\n")
+    assert sp.read(path).lower.tolist() == [1.0, 2.0]
+
+
 @pytest.mark.parametrize("last", ["x1 >= y", "x1 >= 1"])
 def test_long_rows_and_many_are_looked_at_in_one_pass(last: str, tmp_path: Path) -> None:
     """Refusing a sum of 5 000 terms took minutes; 10 000 rows copied the file as often."""

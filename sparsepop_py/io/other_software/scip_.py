@@ -172,10 +172,12 @@ def _check_text(file: Path) -> None:
 def _check_rows(file: Path, text: str) -> None:
     """Refuse rows without variables on the left, or more than a number right."""
     begin = _TO_ROWS.search(text)
+    end = _FROM_ROWS.search(text, begin.end() if begin else 0)
+    place, stop = begin.end() if begin else 0, end.start() if end else len(text)
     if begin is None:
+        if re.search("[<>=]", text[:stop]):  # SCIP may look for the end of the objective for ever
+            raise FormatError(f"{file}: found rows, expected 'Subject to' before them")
         return
-    end = _FROM_ROWS.search(text, begin.end())
-    place, stop = begin.end(), end.start() if end else len(text)
     while found := _ANYTHING.search(text, place, stop):
         place = found.start()
         row = _ONE_ROW.match(text, place, stop)
