@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,8 +128,8 @@ class Fit:
             The record; the one that was stored when left out.
         """
         record = self.data if data is None else data
-        if np.isnan([self.lower_bound, self.error]).any():
-            return Verification(False, "an end is no number")
+        if reason := self._misstated():
+            return Verification(False, reason)
         if self.evidence is not None:
             reason = self._foreign(self.evidence)
             if reason:
@@ -140,12 +140,22 @@ class Fit:
             proved = self.lower_bound <= 0 and not self.attained
             return Verification(proved, "" if proved else "no evidence is stored")
         rows = regression_of_data(record, self.model)
+        if self.names != rows.names:
+            return Verification(False, "the names are not those of the parameters")
         if self.error < exact_norm(rows, self.theta, self.norm):
             return Verification(False, "the error is not attained")
         proof = self.certificate
         bound = equation_bound(rows, self.norm, proof) if isinstance(proof, Multipliers) else 0.0
         good = self.lower_bound <= bound
         return Verification(good, "" if good else "the lower bound does not follow")
+
+    def _misstated(self) -> str:
+        """Say what means nothing; empty where nothing does."""
+        if np.isnan([self.lower_bound, self.error]).any():
+            return "an end is no number"
+        if self.norm not in get_args(Norm) or self.errors not in get_args(Errors):
+            return "the norm or the kind of error is none"
+        return "" if self.theta.shape == (len(self.names),) else "the parameters have no names"
 
     def _foreign(self, known: OutputErrors) -> str:
         """Say why evidence is not about this fit; empty where it is."""

@@ -77,13 +77,18 @@ class Undershoot:
 
         Claims that are weaker than what follows are accepted, stronger ones are not.
         """
-        low, high, _ = _noise_free(self.record, self.noise)
+        low, high, texts = _noise_free(self.record, self.noise)
+        try:
+            ends = _ends(self.tail)
+        except SetidError as error:
+            return Verification(False, str(error))
         verdict, depth, sample = _conclude(low, high)
         deep = self.depth[0] <= depth[0] and depth[1] <= self.depth[1]
-        zeros, free = _zeros(low, high, _upward(self.record, self.tail))
+        zeros, free = _zeros(low, high, _upward(self.record, ends))
         at = 0 if self.sample is None else self.sample
         wrong = -high if low[-1] > 0.0 else low  # above 0 where a sample is on the wrong side
         shown = sample is not None and 1 <= at <= low.size and bool(wrong[at - 1] > 0.0)
+        stated = set(_assumptions(texts, ends)) <= set(self.assumptions)
         claims = (
             (self.verdict in (verdict, "open"), f"verdict: found {self.verdict}, proved {verdict}"),
             (deep, f"depth: found {self.depth}, proved {depth}"),
@@ -96,6 +101,7 @@ class Undershoot:
                 all(any(_within(f, c) for c in free) for f in self.free),
                 "free: a sign is not proved",
             ),
+            (stated, "assumptions: one is left out"),
         )
         wrong_claim = next((text for holds, text in claims if not holds), None)
         return Verification(wrong_claim is None, wrong_claim or "")
@@ -150,16 +156,21 @@ def undershoot(
     low, high, texts = _noise_free(record, noise)
     seen = _upward(record, (float(low.min()), float(high.max())))
     ends = seen if tail is None else _ends(tail)
-    texts = (
+    verdict, depth, sample = _conclude(low, high)
+    zeros, free = _zeros(low, high, _upward(record, ends))
+    assumed = _assumptions(texts, ends)
+    return Undershoot(verdict, depth, sample, zeros, free, assumed, record, noise, ends)
+
+
+def _assumptions(texts: tuple[str, ...], ends: tuple[float, float]) -> tuple[str, ...]:
+    """Name what the conclusions rest on, after what was done to the data."""
+    return (
         *texts,
         "the plant is linear, stable and at rest before the step",
         "each noise sample lies within its bound",
         "after the record the noise-free output stays within "
         f"[{all_digits(ends[0])}, {all_digits(ends[1])}]",
     )
-    verdict, depth, sample = _conclude(low, high)
-    zeros, free = _zeros(low, high, _upward(record, ends))
-    return Undershoot(verdict, depth, sample, zeros, free, texts, record, noise, ends)
 
 
 def _within(inner: tuple[float, float], outer: tuple[float, float]) -> bool:

@@ -87,7 +87,8 @@ class StabilityCertificate:
         Proved bound of abs(Delta) over all frequencies and all consistent plants; infinite where
         none is proved, NaN where the method has none.
     arcs : tuple of (from, to, bound)
-        Bounds of abs(Delta) on arcs of the unit circle, rad a sample.
+        Bounds of abs(Delta) on arcs of the unit circle, rad a sample. Those of several cells of the
+        parameters overlap: at each frequency the largest bound there is what is claimed.
     controller, reference : Transfer
         What the verdict is about, poles at z = 1 being exact.
     model : TransferFunction

@@ -102,8 +102,16 @@ def test_what_a_fit_claims_is_checked_word_by_word() -> None:
     equation = setid.fit(data, model, "linf", errors="equation")
     assert equation.verify(data).ok
     assert not replace(equation, error=float("nan")).verify(data).ok
+    for other in (equation.names[::-1], ("a1", "b7"), equation.names[:1]):
+        assert "names" in replace(equation, names=other).verify(data).reason
+    for twisted in (
+        replace(equation, norm="max"),
+        replace(equation, errors="one-step"),
+        replace(equation, theta=np.tile(equation.theta, 2)),
+    ):
+        assert not twisted.verify(data).ok
     output = setid.fit(data, model, "linf")
-    assert output.attained
+    assert output.attained and not replace(output, theta=output.theta[:1]).verify(data).ok
     bare = replace(output, evidence=None, attained=False)
     assert replace(bare, lower_bound=0.0).verify(data).ok
     assert not replace(bare, lower_bound=1e-3).verify(data).ok

@@ -98,6 +98,9 @@ def test_tests_are_repeated() -> None:
         ({"free": ((1.01, 90.0),)}, "free"),
         ({"noise": 1.0}, "verdict"),
         ({"tail": (-100.0, 100.0)}, "zeros"),
+        ({"tail": (1.5, 0.5)}, "tail"),
+        ({"tail": (0.6, 1.4)}, "assumptions"),
+        ({"assumptions": ()}, "assumptions"),
     ],
 )
 def test_forged_tests_are_found(forged: dict, place: str) -> None:
