@@ -435,16 +435,38 @@ class Recursive:
         Verification
             True where each interval, or the inconsistency, follows from retained samples.
         """
+        if reason := self._foreign():
+            return Verification(False, reason)
         for evidence, _ in self._claims:
             verdict = _quiet(lambda evidence=evidence: verify(evidence))
             if not verdict:
                 return verdict
         if self.inconsistent_at is not None and not any(e.empty for e, _ in self._claims):
-            low = np.max([[i.outer[0] for i in e.intervals.values()] for e, _ in self._claims], 0)
-            high = np.min([[i.outer[1] for i in e.intervals.values()] for e, _ in self._claims], 0)
-            if not np.any(low > high):
+            if not self._claims or not np.any(np.greater(*_common(e for e, _ in self._claims))):
                 return Verification(False, "inconsistency does not follow")
         return Verification(True)
+
+    def _foreign(self) -> str:
+        """Say why claims are not about structure, noise and priors; empty where they are."""
+        if self._given != _bounds_of(self.priors, self.model):
+            return "the bounds before the first equation are not those of the priors"
+        for evidence, _ in self._claims:
+            known = evidence.formulation
+            noise = _spread(self.noise, known.data.samples)
+            again = _quiet(
+                lambda data=known.data, noise=noise: formulate(data, self.model, noise, self.priors)
+            )
+            if known.data.Ts != self.Ts or again.problem.fingerprint != known.problem.fingerprint:
+                return "a claim is about another structure, noise or priors"
+            whole = known.data.records == len(self._kept) and self._none_left_out()
+            if self.complete and self.inconsistent_at is None and not whole:
+                return "samples were left out, attained ends are those of the others"
+        return ""
+
+    def _none_left_out(self) -> bool:
+        """Check that all samples, of a window those in it, are retained from the first row on."""
+        first = self._lag if self.window is None else min(self.retained, default=self._lag)
+        return self.retained == tuple(range(first, self.samples))
 
     def summary(self) -> str:
         """Describe intervals, what they rest on, and the cost."""
@@ -493,6 +515,12 @@ class Recursive:
         where = self.inconsistent_at
         state = "consistent so far" if where is None else f"inconsistent at sample {where}"
         return f"<Recursive: {self.samples} samples, {state}>"
+
+
+def _common(claims: Iterable[Evidence]) -> tuple[Reals, Reals]:
+    """Intersect the boxes of claims, low above high where there is nothing."""
+    boxes = np.array([[i.outer for i in claim.intervals.values()] for claim in claims])
+    return boxes[..., 0].max(axis=0), boxes[..., 1].min(axis=0)
 
 
 # ---- parts ------------------------------------------------------------------------------

@@ -30,6 +30,8 @@ __all__ = ["Counts", "Entry", "Outcome", "Store"]
 
 _APPLICATION, _VERSION = 0x73705374, 2
 _UNSEALED = 1  # the version whose rows carry no checksum; such a file stays as it is
+_STATES = ("done", "failed", "lost")
+_OF_TASKS = "FROM outcomes WHERE task IN (SELECT id FROM tasks)"
 _SEAL = 16  # digits of a checksum
 _PATIENCE = 30.0  # seconds that a statement waits for another process to finish its own
 _SCHEMA = """
@@ -147,7 +149,8 @@ class Store:
         if not meta:
             raise FormatError(f"{path}: found an empty file, expected a study")
         with _sound(self.path):
-            self.kind, self.columns = meta["kind"], tuple(json.loads(meta["columns"]))
+            self.kind, names = meta["kind"], _of(list, json.loads(meta["columns"]))
+            self.columns = tuple(_of(str, name) for name in names)
         if kind not in (None, self.kind):
             raise FormatError(f"{path}: found a study of kind {self.kind!r}, expected {kind!r}")
 
@@ -334,7 +337,8 @@ class Store:
         if row[0] is None:
             return None
         with _sound(self.path):
-            return Outcome(str(row[0]), self._unsealed(row[1]), _blob(row[2]), float(row[3]))
+            _listed(text := self._unsealed(row[1]))
+            return Outcome(_state(row[0]), text, _blob(row[2]), float(row[3]))
 
     def _unsealed(self, rows: str) -> str:
         """Take the checksum off what was stored."""
@@ -356,11 +360,11 @@ class Store:
         with _sound(self.path):
             return [
                 (
-                    name,
-                    json.loads(tags),
-                    state or "waiting",
-                    [] if state is None else json.loads(self._unsealed(rows)),
-                    seconds,
+                    _of(str, name),
+                    _of(dict, json.loads(tags)),
+                    "waiting" if state is None else _state(state),
+                    [] if state is None else _listed(self._unsealed(rows)),
+                    seconds if seconds is None else float(seconds),
                 )
                 for name, tags, state, rows, seconds in found
             ]
@@ -369,14 +373,16 @@ class Store:
         """Count tasks and outcomes."""
         with _translated(self.path), closing(self._open("rw")) as db:
             total = db.execute("SELECT count(*) FROM tasks").fetchone()[0]
-            states = dict(db.execute("SELECT state, count(*) FROM outcomes GROUP BY state"))
+            states = dict(db.execute(f"SELECT state, count(*) {_OF_TASKS} GROUP BY state"))
             started = db.execute("SELECT max(started) FROM runs").fetchone()[0]
             recent, latest = db.execute(
-                "SELECT count(*), max(finished) FROM outcomes WHERE finished >= ?",
+                f"SELECT count(*), max(finished) {_OF_TASKS} AND finished >= ?",
                 (started or 0.0,),
             ).fetchone()
+        with _sound(self.path):
+            times = [time if time is None else float(time) for time in (started, latest)]
         done = states.pop("done", 0)
-        return Counts(total, done, sum(states.values()), recent, started, latest)
+        return Counts(total, done, sum(states.values()), recent, *times)
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
@@ -402,6 +408,27 @@ def _meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
 def _seal(rows: str) -> str:
     """Compute the checksum that stands before stored rows."""
     return hashlib.sha256(rows.encode()).hexdigest()[:_SEAL]
+
+
+def _of(kind: type, found: Any) -> Any:
+    """Return what is of a type; anything else is damage."""
+    if not isinstance(found, kind):
+        raise ValueError(f"found {found!r:.40}, expected {kind.__name__}")
+    return found
+
+
+def _state(found: Any) -> str:
+    if found not in _STATES:
+        raise ValueError(f"found the state {found!r:.40}, expected one of {', '.join(_STATES)}")
+    return str(found)
+
+
+def _listed(text: str) -> list[dict[str, Any]]:
+    """Read rows of the table; an outcome has one at least."""
+    rows = _of(list, json.loads(text))
+    if not rows:
+        raise ValueError("found no rows")
+    return [_of(dict, row) for row in rows]
 
 
 def _blob(found: Any) -> bytes:

@@ -351,6 +351,46 @@ def test_rows_that_were_changed_are_refused(tmp_path: Path) -> None:
         study.table()
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        "outcomes SET rows = substr(rows, 17, 5)",
+        "outcomes SET rows = '[]'",
+        "outcomes SET rows = '[1]'",
+        "outcomes SET rows = '{}'",
+        "outcomes SET state = 'proved'",
+        "outcomes SET state = x'646f6e65'",
+        "outcomes SET seconds = 'long'",
+        "tasks SET name = x'00'",
+        "tasks SET tags = '[1]'",
+        """meta SET value = '[["status"]]' WHERE key = 'columns'""",
+    ],
+)
+def test_cells_of_another_type_are_damage(tmp_path: Path, change: str) -> None:
+    """They once ended in a TypeError, also with the first version, which has no checksums."""
+    path = squares(tmp_path / "squares.study", (1,)).path
+    squares(path, (1,)).run()
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("PRAGMA user_version = 1")
+        db.execute("UPDATE outcomes SET rows = substr(rows, 17)")
+        db.execute(f"UPDATE {change}")
+    with pytest.raises(FormatError, match=r"squares\.study: found a damaged file"):
+        sp.Study(path).table()
+
+
+def test_outcomes_of_no_task_do_not_count(tmp_path: Path) -> None:
+    """Two tasks were once three done, with less than no time left."""
+    study = squares(tmp_path / "squares.study", (1,))
+    total = study.run().total
+    with closing(sqlite3.connect(study.path)) as db, db:
+        db.execute("INSERT INTO outcomes SELECT 77, state, '', '', 0.0, finished FROM outcomes")
+    assert study.status().done == study.status().total == total
+    with closing(sqlite3.connect(study.path)) as db, db:
+        db.execute("UPDATE outcomes SET finished = 'late'")
+    with pytest.raises(FormatError, match=r"squares\.study: found a damaged file"):
+        study.status()
+
+
 def test_studies_of_the_first_version_are_read_and_go_on(tmp_path: Path) -> None:
     """They have rows without checksums."""
     study = squares(tmp_path / "squares.study", (1,))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.pyplot as plt
@@ -122,6 +123,38 @@ def test_claims_that_were_tampered_with_do_not_verify() -> None:
 
     online._claims = [(replace(claim, intervals=forged), used)]
     assert not online.verify()
+
+
+def test_claims_are_about_the_structure_noise_and_priors_that_are_said() -> None:
+    """A smaller noise bound beside older claims once verified."""
+    online = setid.Recursive(setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    online.update([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    assert online.verify()
+    for field, other, why in (
+        ("noise", setid.Noise(equation=0.1), "noise"),
+        ("priors", (setid.Known({"b0": 2.0}),), "priors"),
+        ("model", setid.TransferFunction(1, 1, 1), "structure"),
+        ("Ts", 2.0, "structure"),
+        ("inconsistent_at", 3, "does not follow"),
+    ):
+        changed = copy.copy(online)
+        setattr(changed, field, other)
+        assert why in changed.verify().reason
+    online.restart()
+    online.inconsistent_at = 0
+    assert online.verify().reason == "inconsistency does not follow"
+
+
+def test_attained_ends_are_not_claimed_again_by_hand() -> None:
+    """Of 40 samples of a plant with b0 = 2 at most 16 are retained: the ends are theirs."""
+    rng, model = np.random.default_rng(0), setid.TransferFunction(1, 1)
+    u = rng.uniform(-1.0, 1.0, 40)
+    y = setid.simulate(model, [-0.5, 2.0], u, rng.uniform(-0.1, 0.1, 40))
+    online = setid.Recursive(model, setid.Noise(equation=0.1), limit=16)
+    online.update(u, y)
+    assert not online.complete and online.verify()
+    online.complete = True
+    assert "left out" in online.verify().reason
 
 
 def test_missing_readings_and_several_channels() -> None:
