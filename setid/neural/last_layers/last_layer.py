@@ -37,8 +37,9 @@ from setid import (
     Verification,
     parameter_box,
 )
-from setid.data.checks import FrozenMapping, natural, number, seconds_of
+from setid.data.checks import FrozenMapping, frozen, natural, number, seconds_of
 from setid.data.digits import all_digits
+from setid.data.noise import EstimatedBound
 from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
@@ -333,27 +334,23 @@ def last_layer(
         raise NoiseError(
             f"noise: found {type(noise).__name__}, expected Noise, as Noise(equation=0.1)"
         )
-    own = list[str]()
     if noise is None:
-        noise, text = _noise_of(net, data, factor, until)
-        own.append(text)
+        noise = _noise_of(net, data, factor, until)
     sets = tuple(_solve(part, until) for part in _rows(net, data, noise))
     intervals, status = _intervals(sets)
-    texts = (*_assumptions(data, noise), *own)
+    texts = tuple(_assumptions(data, noise))
     return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), texts)
 
 
 def _assumptions(data: IOData, noise: Noise) -> list[str]:
-    """Name what the set rests on, beside where its noise bound comes from."""
+    """Name what the set rests on; the noise says where its bound comes from."""
     found = ["the hidden layers are those of the network", *data.assumptions, *noise.assumptions]
     if noise.constraints:
         found.append("constraints of the noise are not used: the intervals hold without them")
     return found
 
 
-def _noise_of(
-    net: RegressorNetwork, data: IOData, factor: float, until: float
-) -> tuple[Noise, str]:
+def _noise_of(net: RegressorNetwork, data: IOData, factor: float, until: float) -> Noise:
     if not 1.0 < number(factor, "factor", NoiseError) < np.inf:
         raise NoiseError(f"factor: found {factor!r}, expected a number above 1")
     parts = _rows(net, data, Noise(equation=1.0))
@@ -364,10 +361,8 @@ def _noise_of(
     least = np.maximum(found, [1e-12 * np.max(np.abs(p.target)) for p in parts])
     bound = least * factor
     times = all_digits(factor)
-    text = f"equation error: {times} times the least that explains this record, " + ", ".join(
-        all_digits(b) for b in bound
-    )
-    return Noise(equation=bound if bound.size > 1 else float(bound[0])), text
+    text = f"{times} times the least that explains this record, {', '.join(map(all_digits, bound))}"
+    return Noise(equation=EstimatedBound(frozen(bound), frozen(np.zeros(bound.size)), text))
 
 
 def _rows(net: RegressorNetwork, data: IOData, noise: Noise) -> list[Rows]:

@@ -80,7 +80,7 @@ class Envelope:
         if not shapes or self.coefficients.ndim != 2 or len(self.coefficients) != count:
             return False
         finite = all(np.all(np.isfinite(table)) for table in tables)
-        full = count > 0 and self.coefficients.shape[1] > 1 and self.cells > 0
+        full = count > 0 and self.coefficients.shape[1] > 1 and 0 < self.cells <= _MOST
         return bool(finite and full and self.name in _SMOOTH and np.all(np.diff(self.breaks) > 0))
 
     def __repr__(self) -> str:

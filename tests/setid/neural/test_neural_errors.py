@@ -103,6 +103,16 @@ def test_a_number_is_no_noise() -> None:
         neural.last_layer(*ramp(), 0.1)  # type: ignore[arg-type]
 
 
+def test_where_a_noise_bound_comes_from_is_not_left_out() -> None:
+    net, data = ramp()
+    bent = setid.IOData(data.u, [[0], [0], [2], [4], [5]])
+    found = neural.last_layer(net, bent)
+    assert found.verify() and "times the least" in found.noise.assumptions[0]
+    assert found.noise.assumptions[0] in found.assumptions
+    bare = tuple(text for text in found.assumptions if "times the least" not in text)
+    assert replace(found, assumptions=bare).verify().reason == "an assumption is left out"
+
+
 def test_last_layer_in_closed_form() -> None:
     """|2 - w - b|, |4 - 2w - b|, |6 - 3w - b|, |b| <= 1/2: a hexagon computed by hand."""
     net, data = ramp()

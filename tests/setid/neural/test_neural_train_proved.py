@@ -286,6 +286,7 @@ def test_envelopes_of_fewer_pieces_than_breaks_are_found() -> None:
         replace(found, breaks=found.breaks[::-1].copy()),
         replace(found, breaks=found.breaks[:1], centres=np.zeros(0), coefficients=gone[:0]),
         replace(found, cells=0),
+        replace(found, cells=1_000_001),  # a billion once took all memory of the machine
         replace(found, name="relu"),
     ]
     assert found.verify() and not any(item.verify() for item in forged)
