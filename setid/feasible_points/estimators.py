@@ -43,7 +43,7 @@ class NamedVector:
         return ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate(NamedVector):
     """A parameter vector and what it minimises.
 
@@ -74,6 +74,9 @@ class Estimate(NamedVector):
     residuals: NDArray[np.float64]
     row: NDArray[np.int64]
     history: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        return f"<Estimate: {self}, cost {self.cost:.6g}>"
 
 
 def least_squares(data: IOData, model: Structure) -> Estimate:

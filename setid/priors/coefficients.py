@@ -10,6 +10,7 @@ from typing import Any
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping
 from setid.errors import PriorError
+from setid.models.checked_structures import check_structure
 from setid.models.equations import Structure
 from setid.priors.base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
 
@@ -28,6 +29,11 @@ def parameters(model: Structure) -> Mapping[str, sp.Polynomial]:
     mapping of str to Polynomial
         Comparisons of them are constraints, which :func:`formulate` takes among its priors.
 
+    Raises
+    ------
+    ModelError
+        If the model is no structure.
+
     Examples
     --------
     >>> import setid
@@ -35,6 +41,7 @@ def parameters(model: Structure) -> Mapping[str, sp.Polynomial]:
     >>> print(p["a1"] + p["b0"] <= 2)
     2 - a1 - b0 >= 0
     """
+    check_structure(model)
     names = model.parameters
     return FrozenMapping(dict(zip(names, sp.variables(len(names), names), strict=True)))
 

@@ -94,6 +94,8 @@ def read_prior(text: str) -> Prior:
     >>> setid.read_prior("Stable(margin=0.05)")
     Stable(margin=0.05)
     """
+    if not isinstance(text, str):
+        raise PriorError(f"prior: found {text!r:.60}, expected a text")
     try:
         call = ast.parse(text.strip(), mode="eval").body
     except SyntaxError:

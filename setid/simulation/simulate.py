@@ -21,7 +21,7 @@ from setid.simulation.recursions import solve_equations
 __all__ = ["Simulated", "in_order", "simulate", "simulate_record"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Simulated:
     """A record with everything that a real one hides.
 
@@ -54,6 +54,10 @@ class Simulated:
     input: NDArray[np.float64]
     equation: NDArray[np.float64]
     signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.theta.items())
+        return f"<Simulated: {values}, {f'{self.data!r}'[1:-1]}>"
 
 
 def simulate(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_linear import linear_bounds
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.result import Status
 from sparsepop_py.verified.arithmetic.array_checks import frozen
 from sparsepop_py.verified.uncertain_rows.box import Box, gained
@@ -77,6 +78,11 @@ def parameter_box(
     -------
     ParameterBox
 
+    Raises
+    ------
+    ProblemError
+        If the rows are none, or bounds do not fit them.
+
     References
     ----------
     V. Cerone, "Parameter bounds for ARMAX models from records with bounded errors in
@@ -98,8 +104,12 @@ def parameter_box(
     >>> box.verify(rows, np.array([[-np.inf, -np.inf], [np.inf, np.inf]]))
     True
     """
+    if not isinstance(rows, UncertainRows):
+        raise ProblemError(f"rows: found {type(rows).__name__}, expected UncertainRows")
     p = len(rows.names)
     first = np.array([np.full(p, -np.inf), np.full(p, np.inf)]) if start is None else start
+    if np.shape(first) != (2, p):
+        raise ProblemError(f"start: found shape {np.shape(first)}, expected {(2, p)}")
     box, steps = (first[0], first[1]), list[LeftInverse | SignTree]()
     if np.any(np.isinf(first)):
         found = _left_inverse(rows)

@@ -88,6 +88,11 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
     tuple of str
         In the order of ``model.parameters``; empty where they are unique (locally).
 
+    Raises
+    ------
+    ModelError
+        If the model is no block structure.
+
     Examples
     --------
     >>> import setid
@@ -96,6 +101,8 @@ def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
     >>> setid.unidentifiable(setid.Lure(setid.TransferFunction(1, 1, 1), 2))
     ('a1', 'gamma1')
     """
+    if not isinstance(model, BlockStructured):
+        raise ModelError(f"model: found {type(model).__name__}, expected a block structure")
     names = model.parameters
     generator = np.random.default_rng(1)
     rest = model.changed(initial="zero")
