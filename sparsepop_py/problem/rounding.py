@@ -180,12 +180,13 @@ def note(records: Sequence[Rounding]) -> list[str]:
 def _counts(records: Sequence[Rounding]) -> str:
     count = sum(record.coefficients for record in records)
     shift = max(record.shift for record in records)
+    largest = max(record.largest for record in records)
     moved = f", which moves it by at most {_short(shift)} within the bounds of the variables"
+    when = f" when {'they were' if len(records) > 1 else 'it was'} multiplied out"
     return (
-        f"{_counted(count, 'coefficient')} rounded when "
-        f"{'they were' if len(records) > 1 else 'it was'} "
-        "multiplied out"
-        + _by(max(record.largest for record in records))
+        f"{_counted(count, 'coefficient')} rounded"
+        + (when if largest < math.inf else "")  # else perhaps where they were read
+        + _by(largest)
         + (moved if len(records) == 1 and shift < math.inf else "")
     )
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import sparsepop_py as sp
 from sparsepop_py.algebra import exact_terms
 from sparsepop_py.algebra.exact_terms import ExactTerms, grid_of
+from sparsepop_py.problem.rounding import note
 
 NUMBERS = st.one_of(
     st.integers(-9, 9).map(float),
@@ -265,6 +266,8 @@ def test_numbers_that_grow_too_long_are_rounded_on_the_way():
     (record,) = problem.rounding
     assert (record.largest, record.shift) == (np.inf, np.inf)
     assert "by an unknown amount" in str(record)
+    (text,) = note([record])  # where it is not known when, the note does not say it
+    assert "rounded, on the way too, by an unknown amount" in text and "multiplied" not in text
     nearest = [float(Fraction(0.1) ** 2 * 200 * 199 / 2), float(Fraction(0.1) * 200), 1.0]
     assert problem.objective.coefficients[:3].tolist() == pytest.approx(nearest[::-1], rel=1e-14)
     text = sp.parse("min (0.1*x + 1)^200").rounding[0]

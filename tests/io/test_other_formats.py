@@ -17,7 +17,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial import Kind
-from sparsepop_py.io.other_software.scip_ import _check_rows
+from sparsepop_py.io.other_software import scip_
 
 MPS = """NAME test
 OBJSENSE
@@ -583,10 +583,10 @@ def test_long_rows_and_many_are_looked_at_in_one_pass(last: str, tmp_path: Path)
     rows = " c: x + y >= 1\n" * 10_000 + " d: " + "2 x1 + 3 y\n + " * 2_500 + last
     text = f"minimize\n obj: x\nsubject to\n{rows}\nend\n"
     if last == "x1 >= 1":
-        _check_rows(tmp_path, text)
+        scip_._check_rows(tmp_path, text)
     else:
         with pytest.raises(sp.FormatError, match="line 10004: found the row 'd: 2 x1"):
-            _check_rows(tmp_path, text)
+            scip_._check_rows(tmp_path, text)
 
 
 def test_rows_may_follow_each_other_and_go_over_lines(tmp_path: Path) -> None:
@@ -608,6 +608,50 @@ def test_terms_that_come_twice_in_quadratic_rows_are_refused(
         path.write_text(path.read_text().replace("obj: x + y", f"obj: {part}"))
     with pytest.raises(sp.FormatError, match="found several terms of one row in '[xy]' alone"):
         sp.read(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "counts"),
+    [
+        ("0.12345678901234567 x^3 + 0.98765432109876543 x y^2 + 2 y >= 1", [2]),
+        ("0.30000000000000004 x^3 + y >= 1", [1]),  # SCIP writes 0.3
+        ("0.123456789012345 x^3 + 0.1 y >= 0.33333333333333331", []),  # no digit is lost
+        ("0.12345678901234567 x^2 + 0.98765432109876543 x y >= 0.33333333333333331", []),
+        ("0.12345678901234567 x + 3 y >= 0.33333333333333331", []),
+    ],
+)
+def test_rows_that_scip_writes_say_where_digits_are_lost(
+    row: str, counts: list[int], tmp_path: Path
+) -> None:
+    """Numbers of higher degree come with 15 digits, which once was not said."""
+    pytest.importorskip("pyscipopt")
+    problem = sp.read(pip_row(row, tmp_path))
+    assert [record.coefficients for record in problem.rounding] == counts
+    assert all(record.place == "constraint 0 (c)" for record in problem.rounding)
+    assert ("by an unknown amount" in str(problem)) is bool(counts)
+
+
+def test_an_objective_that_scip_writes_says_where_digits_are_lost(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "objective.pip"
+    path.write_text(
+        "minimize\n obj: 0.12345678901234567 x^3 + y\nsubject to\n c: x + y >= 1\nbounds\n"
+        " x <= 5\n y <= 5\nend\n"
+    )
+    assert [record.place for record in sp.read(path).rounding] == ["objective"]
+
+
+def test_another_layout_of_what_scip_writes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Squares that come twice were passed over where no row of SCIP's text was found."""
+    pytest.importorskip("pyscipopt")
+    text = scip_._text
+    monkeypatch.setattr(
+        scip_, "_text", lambda model, ending: text(model, ending).replace("[nonlinear]", "[expr]")
+    )
+    with pytest.raises(sp.FormatError, match="found no row c0 in the .cip text that SCIP"):
+        sp.read(pip_row("x^2 + 3 x^2 + y >= 1", tmp_path))
 
 
 def test_products_that_come_twice_are_added(tmp_path: Path) -> None:

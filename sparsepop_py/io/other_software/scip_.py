@@ -2,11 +2,13 @@ r"""Files with nonlinear rows, as SCIP reads them: ``.nl``, ``.pip``, ``.osil``,
 
 Linear rows, and quadratic ones of files that list their products, are taken number by number.
 SCIP offers no way to take constants beside products, rows of higher degree and expressions, as in
-``.nl``, so; they come by the text in which SCIP writes them, with numbers of 15 digits.
+``.nl``, so; they come by the text in which SCIP writes them, with numbers of 15 digits. Where that
+may have lost some, ``Problem.rounding`` says so.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tempfile
@@ -27,6 +29,7 @@ from sparsepop_py.errors import FormatError, SolverNotFound
 from sparsepop_py.files import as_path
 from sparsepop_py.io.other_software.integers import between, problem_with_integers
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rounding import OBJECTIVE, Rounding, place_of
 
 __all__ = ["RESERVED", "read_by_scip"]
 
@@ -68,10 +71,12 @@ _ONE_ROW = re.compile(  # a label, something with a variable, a relation, a numb
     re.IGNORECASE,
 )
 _ANYTHING = re.compile(r"\S")
-_EXPRESSION = re.compile(r"\[nonlinear\] <c\d+>:(.*)")  # in files of SCIP's own format
+_EXPRESSION = re.compile(r"\[nonlinear\] <c(\d+)>:(.*)")  # in files of SCIP's own format
 _FACTOR = r"(?:\(<x\d+>\)\^[\d.]+|<x\d+>)"
 _PRODUCT = re.compile(rf"{_FACTOR}(?:\*{_FACTOR})+")
 _SQUARE, _ALONE = re.compile(r"\(<x(\d+)>\)\^2(?![\d.])"), re.compile(r"(?<!\()<x(\d+)>")
+_NUMBER = re.compile(rb"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_DIGITS = 15  # of numbers that SCIP writes
 _ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(>=|<=|=)\s*(\S+)", re.S | re.M)
 
 
@@ -112,7 +117,7 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
         if variable.vtype() not in (*_WHOLE, "CONTINUOUS"):
             raise FormatError(f"{path}: found the {variable.vtype()} variable {variable.name!r}")
     names = tuple(number)
-    rows = list(_rows(model, names, number, file))
+    found = list(_rows(model, names, number, file))
     sign = -1.0 if model.getObjectiveSense() == "maximize" else 1.0
     cost = [sign * variable.getObj() for variable in variables]
     constant = sign * model.getObjoffset()
@@ -121,15 +126,20 @@ def read_by_scip(path: str | os.PathLike[str]) -> Problem:
         [_end(v.getLbOriginal()) for v in variables],
         [_end(v.getUbOriginal()) for v in variables],
     )
-    objective, rows, bounds, kept = _objective_row(objective, rows, bounds)
-    return problem_with_integers(
+    objective, found, bounds, kept, shortened = _objective_row(objective, found, bounds)
+    problem = problem_with_integers(
         objective,
-        rows,
+        [row for row, _ in found],
         bounds,
         [names[v] for v in kept],
         [k for k, v in enumerate(kept) if variables[v].vtype() in _WHOLE],
         "max" if sign < 0 else "min",
     )
+    places = [(OBJECTIVE, shortened)]
+    places += [(place_of(k, row), count) for k, (row, count) in enumerate(found)]
+    records = [Rounding(place, count, math.inf, math.inf) for place, count in places if count]
+    object.__setattr__(problem, "rounding", (*problem.rounding, *records))
+    return problem
 
 
 def _require_scip() -> ModuleType:
@@ -271,7 +281,8 @@ def _linear(values: list[float], letters: list[int], names: tuple[str, ...]) -> 
 
 def _rows(
     model: Any, names: tuple[str, ...], number: dict[str, int], file: Path
-) -> Iterator[Constraint]:
+) -> Iterator[tuple[Constraint, int]]:
+    """Yield constraints, and how many numbers of each may have lost digits."""
     text: dict[int, _Written] | None = None
     for k, row in enumerate(model.getConss()):
         kind = row.getConshdlrName()
@@ -280,6 +291,7 @@ def _rows(
                 f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
             )
         low, high = _end(model.getLhs(row)), _end(model.getRhs(row))
+        shortened = 0
         if row.isLinearType() or kind == "linear":
             letters = [number[variable.name] + 1 for variable in model.getConsVars(row)]
             body = _linear(model.getConsVals(row), letters, names)  # a variable may come twice
@@ -290,9 +302,12 @@ def _rows(
             if model.checkQuadraticNonlinear(row):
                 body = _quadratic(model.getTermsQuadratic(row), number, names)
                 body = body + text[k].constant(low, high)
+                shortened = text[k].shortened(low, high, constant=True)
             else:
                 body = text[k].between(low, high)
-        yield from between(body, low, high, row.name)
+                shortened = text[k].shortened(low, high)
+        for made in between(body, low, high, row.name):
+            yield made, shortened
 
 
 def _quadratic(
@@ -323,6 +338,7 @@ class _Written:
     body: Polynomial
     relation: str
     side: float
+    stated: _Stated
 
     def between(self, low: float, high: float) -> Polynomial:
         """Return what lies between the ends of the row, with the constant."""
@@ -333,25 +349,62 @@ class _Written:
         alone = (value for word, value in _terms(self.body) if not word)
         return sum(map(Fraction, alone), self._moved(low, high))
 
+    def shortened(self, low: float, high: float, constant: bool = False) -> int:
+        """Count the numbers, or constants alone, that may have lost digits."""
+        read = [value for word, value in _terms(self.body) if not (constant and word)]
+        if self._moved(low, high):
+            read.append(self.side)
+        return sum(self.stated.may_be_shortened(value) for value in read)
+
     def _moved(self, low: float, high: float) -> Fraction:
         end = low if self.relation == ">=" else high
         same = float(f"{end:.15g}") == self.side
         return Fraction(0) if same else Fraction(end) - Fraction(self.side)
 
 
+@dataclass(frozen=True, slots=True)
+class _Stated:
+    """Numbers of a file: all, and as SCIP writes those that it shortens."""
+
+    all: frozenset[float]
+    shortened: frozenset[float]
+
+    @staticmethod
+    def of(file: Path) -> _Stated:
+        found = frozenset(float(text) for text in _NUMBER.findall(file.read_bytes()))
+        written = {value: float(f"{value:.{_DIGITS}g}") for value in found}
+        return _Stated(found, frozenset(s for value, s in written.items() if s != value))
+
+    def may_be_shortened(self, value: float) -> bool:
+        """Check a number that SCIP wrote: from a longer one, or all digits from arithmetic."""
+        whole = f"{value:.{_DIGITS - 1}e}".partition("e")[0]
+        long = not whole.endswith("0") and abs(value) not in self.all
+        return long or abs(value) in self.shortened
+
+
 def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, _Written]:
     """Read the rows that SCIP writes in its format of polynomials, by number."""
     try:
-        for row in _EXPRESSION.findall(_text(model, ".cip")):
+        written = dict(_EXPRESSION.findall(_text(model, ".cip")))
+        kinds = enumerate(row.getConshdlrName() for row in model.getConss())
+        if missing := {str(k) for k, kind in kinds if kind == "nonlinear"} - set(written):
+            raise FormatError(
+                f"{file}: found no row c{min(missing)} in the .cip text that SCIP "
+                f"{model.version()} writes, expected '[nonlinear] <c{min(missing)}>: ...'"
+            )
+        for row in written.values():
             _check_distinct(row, names, file)  # before SCIP collects terms
         text = _text(model, ".pip")
     except FormatError:
         raise
     except Exception as error:  # PySCIPOpt raises Exception itself
         raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
+    stated = _Stated.of(file)
     text = text.partition("Subject to")[2].partition("\nBounds")[0]
     return {
-        int(found[1]): _Written(_polynomial(found[2], names, file), found[3], float(found[4]))
+        int(found[1]): _Written(
+            _polynomial(found[2], names, file), found[3], float(found[4]), stated
+        )
         for found in _ROW.finditer(text)
     }
 
@@ -401,25 +454,29 @@ def _polynomial(text: str, names: tuple[str, ...], file: Path) -> Polynomial:
 
 
 def _objective_row(
-    objective: Polynomial, rows: list[Constraint], bounds: _Bounds
-) -> tuple[Polynomial, list[Constraint], _Bounds, list[int]]:
+    objective: Polynomial, rows: list[tuple[Constraint, int]], bounds: _Bounds
+) -> tuple[Polynomial, list[tuple[Constraint, int]], _Bounds, list[int], int]:
     """Replace a free variable of a linear objective by the one row that bounds it.
 
-    Returns objective, rows, bounds and the variables that are left.
+    Returns objective, rows, bounds, the variables that are left, and how many numbers of the
+    objective may have lost digits.
     """
     n = objective.dimension
     for z in objective.support.tolist() if objective.degree == 1 and n > 1 else []:
-        holding = [row for row in rows if z in row.polynomial.support]
+        holding = [k for k, (row, _) in enumerate(rows) if z in row.polynomial.support]
         free = bounds[0][z] == -np.inf and bounds[1][z] == np.inf
-        value = _solved(holding[0], objective, z) if free and len(holding) == 1 else None
+        value = _solved(rows[holding[0]][0], objective, z) if free and len(holding) == 1 else None
         if value is None:
             continue
         kept = [v for v in range(n) if v != z]
-        others = [row for row in rows if row is not holding[0]]
-        shrunk = [Constraint(_without(row.polynomial, z), row.kind, row.name) for row in others]
+        _, shortened = rows.pop(holding[0])
+        shrunk = [
+            (Constraint(_without(row.polynomial, z), row.kind, row.name), count)
+            for row, count in rows
+        ]
         sides = ([bounds[0][v] for v in kept], [bounds[1][v] for v in kept])
-        return _without(value, z), shrunk, sides, kept
-    return objective, rows, bounds, list(range(n))
+        return _without(value, z), shrunk, sides, kept, shortened
+    return objective, rows, bounds, list(range(n)), 0
 
 
 def _solved(row: Constraint, objective: Polynomial, z: int) -> Polynomial | None:
