@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError, doubles
 
 __all__ = ["Matrices", "SymbolicCone", "cone", "psd", "second_order"]
@@ -205,7 +206,7 @@ def _exact_sum(polynomials: Sequence[Polynomial]) -> Polynomial | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices:
+class Matrices(ReadOnly):
     """The matrices of all constraints, their distinct entries stacked.
 
     Parameters

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra import exact_terms, monomials
 from sparsepop_py.algebra.exact_terms import ExactTerms, Grid, exact_fraction
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError, doubles, entries_of, shown
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
@@ -196,7 +197,7 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False, slots=False)
-class Polynomial:
+class Polynomial(ReadOnly):
     """Real polynomial in ``dimension`` variables, sparse and immutable.
 
     Build one with :func:`variables` and arithmetic, :meth:`from_terms`, or

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["PolynomialSystem"]
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialSystem:
+class PolynomialSystem(ReadOnly):
     """Stacked polynomials.
 
     Parameters

@@ -24,6 +24,7 @@ from sparsepop_py.algebra import sympy_ as symbolic
 from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError, doubles, entries_of
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
@@ -40,7 +41,7 @@ Sense = Literal["min", "max"]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem:
+class Problem(ReadOnly):
     """A polynomial optimization problem, always stored as a minimisation.
 
     Parameters

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra.monomials import widen
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConstraint, key_of
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.algebra.sympy_ import convert_ratios
 from sparsepop_py.errors import ProblemError, entries_of
 from sparsepop_py.problem.problem import Problem, Sense, encoding, written
@@ -81,7 +82,7 @@ def _inverse(value: float) -> Interval:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class RationalProblem:
+class RationalProblem(ReadOnly):
     """Problem with ratios in the objective or in constraints, stored as a minimisation.
 
     Parameters

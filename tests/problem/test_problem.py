@@ -1,5 +1,7 @@
 """Problems: what is stored, what is refused and with which words, and the fingerprint."""
 
+import copy
+import pickle
 import re
 from dataclasses import replace
 from fractions import Fraction
@@ -167,6 +169,18 @@ def test_what_verification_reads_of_a_problem_is_read_only():
     for array in (*arrays, Problem(x, [x == y]).equations):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
+def test_arrays_of_copies_are_read_only(copied):
+    """Twice an objective of least value -9 has -18; a copy changed so once verified -9."""
+    x, y = pair()
+    problem = Problem(x * y - x, [sp.psd([[x + 9, y], [y, 9.0]])], lower=[-1, -2], upper=[3, 2])
+    ratios = sp.RationalProblem(x / (x + 2), lower=-1, upper=1)
+    held = problem.rows, problem.matrices, problem.matrices.system
+    for made in (problem, problem.objective, *held, ratios, ratios.objective.ratios[0][0]):
+        arrays = [a for a in vars(copied(made)).values() if isinstance(a, np.ndarray)]
+        assert arrays and not any(array.flags.writeable for array in arrays)
 
 
 def test_inputs_are_neither_modified_nor_shared():
