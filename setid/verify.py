@@ -19,7 +19,8 @@ def verify(result: Claimed, data: IOData | None = None) -> Verification:
     Parameters
     ----------
     result : Identification
-        Or whatever else has ``evidence``.
+        Or whatever else has ``evidence``. Evidence alone has no tolerance: there ``"certified"``
+        says that something is attained.
     data : IOData, optional
         The record, without samples that were held out; the one that was stored when left out.
 
