@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import spent
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.units import InUnits
@@ -47,7 +49,11 @@ _ALL = 120.0  # seconds for all of them, and half of the time that is left
 
 
 def direction_box(
-    rows: UncertainRows, coupled: CoupledRows, first: ParameterBox, until: float = inf
+    rows: UncertainRows,
+    coupled: CoupledRows,
+    first: ParameterBox,
+    until: float = inf,
+    most: float = _ALL,
 ) -> DirectionBox | None:
     """Bound parameters for which rows one by one give no bounds.
 
@@ -60,6 +66,9 @@ def direction_box(
         What rows one by one give.
     until : float
         Reading of ``time.monotonic`` at which all work ends; at most half of it is for this.
+        Where that is infinite units of work are counted instead of seconds, so that runs repeat.
+    most : float
+        Seconds, or units of work, for this.
 
     Returns
     -------
@@ -88,14 +97,15 @@ def direction_box(
     """
     if first.empty or not suits(coupled):
         return None
-    begun = time.monotonic()
-    end = min(begun + _ALL, begun + 0.5 * (until - begun))
+    now = _clock(until)
+    begun = now()
+    end = min(begun + most, begun + 0.5 * (until - begun))
     scale = units_of_rows(rows)
     cube, whole = cubes(coupled, first, scale), len(coupled.constraints)
     certificates, used, least = list[Certificate](), list[int](), LARGEST
     try:
         for number in range(2 * scale.size):
-            found = _proved(cube, number, whole, end)
+            found = _proved(cube, number, whole, end, now)
             if found is None:
                 return None
             certificate, count, bound = found
@@ -119,7 +129,7 @@ def units_of_rows(rows: UncertainRows) -> Reals:
 
 
 def _proved(
-    cube: Callable[[int], Cube], number: int, whole: int, end: float
+    cube: Callable[[int], Cube], number: int, whole: int, end: float, now: Callable[[], float]
 ) -> tuple[Certificate, int, float] | None:
     """Search a proof that s is positive on one side.
 
@@ -129,19 +139,28 @@ def _proved(
     while True:
         side = cube(count).side(number)
         seconds = _SIDE if count == whole else min(seconds, _SIDE)
-        found = _least(side, min(end, time.monotonic() + seconds))
+        found = _least(side, min(end, now() + seconds), now)
         if found is not None:
             return found, count, found.bound * side.factor
-        if count == whole or time.monotonic() >= end:
+        if count == whole or now() >= end:
             return None
         count, seconds = min(2 * count, whole), 2.0 * seconds
 
 
-def _least(side: InUnits, end: float) -> Certificate | None:
+def _clock(until: float) -> Callable[[], float]:
+    """Choose what is counted: seconds, or units of work where no moment ends it."""
+    return spent if until == inf else time.monotonic
+
+
+def _least(
+    side: InUnits, end: float, now: Callable[[], float] = time.monotonic
+) -> Certificate | None:
     """Search a proof that s is positive; None if none is found."""
-    gap, slice_ = _GAP, _SLICE
-    while (left := end - time.monotonic()) > 0:
-        options = Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=min(left, slice_))
+    gap, slice_, plain = _GAP, _SLICE, Options(effort="auto", gap_kind="absolute")
+    while (left := end - now()) > 0:
+        most = min(left, slice_)
+        work, seconds = (most, None) if now is spent else (None, most)
+        options = replace(plain, gap=gap, work_limit=work, time_limit=seconds)
         found = solve(side.problem, options)
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate

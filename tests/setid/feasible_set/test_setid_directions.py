@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from scipy.optimize import linprog
 
 import setid
 import sparsepop_py as sp
+from setid.feasible_set.start import find_box
 from setid.formulation.units import coupled_rows
 from setid.proofs.parameter_box import box_follows
 from sparsepop_py.uncertain_rows import directions
@@ -108,6 +111,35 @@ def test_damaged_proofs_are_refused() -> None:
     for wrong in (tighter, swapped, fewer, shrunk, rounded, short, other, uncounted):
         assert not verified(wrong, known, start)
         assert not box_follows(wrong, known)
+
+
+def test_a_prior_does_not_leave_out_what_all_rows_say() -> None:
+    """Bounds far away make the box of rows one by one finite, and ten times as wide."""
+    truth, free = case(28)[0], bounded()
+    prior = setid.Box(dict.fromkeys(MODEL.parameters, (-50.0, 50.0)))
+    known = setid.formulate(truth.data, MODEL, NOISE, prior)
+    box = find_box(known)
+    assert box is not None and box_follows(box, known)
+    assert np.all(box.upper - box.lower <= 1.1 * (free.upper - free.lower))
+    for low, value, high in zip(box.lower, truth.theta.values(), box.upper, strict=True):
+        assert low <= value <= high
+
+
+def test_a_prior_that_tells_nothing_more_costs_no_proof() -> None:
+    truth = case(24)[0]  # unbounded without a prior
+    prior = setid.Box(dict.fromkeys(MODEL.parameters, (-5.0, 5.0)))
+    box = find_box(setid.formulate(truth.data, MODEL, NOISE, prior))
+    assert isinstance(box, setid.ParameterBox) and not box.empty
+
+
+def test_without_a_limit_no_clock_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine on which an hour passes between two looks at the clock."""
+    _, known, first = case(28)
+    hours = SimpleNamespace(monotonic=partial(next, itertools.count(0.0, 3600.0)))
+    monkeypatch.setattr(directions, "time", hours)
+    found, again = boxed(known, first), bounded()
+    assert found is not None
+    assert np.array_equal(found.lower, again.lower) and np.array_equal(found.upper, again.upper)
 
 
 def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBox]:
