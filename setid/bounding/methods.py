@@ -36,6 +36,7 @@ from setid.formulation.formulation import Formulation, formulate, lifted, withou
 from setid.minimum_noise.cones.feasible_box import settles
 from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
 from setid.models.block import BlockStructured
+from setid.priors.base import Prior
 from setid.priors.checked_priors import unknowns_of
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import ProvedBox, problem_on_box
@@ -58,17 +59,18 @@ _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contrad
 
 
 def bound_parameters(formulation: Formulation, context: BoundingContext) -> Identification:
-    """Bound all parameters; what stays open is also bounded without priors that add unknowns.
+    """Bound all parameters; what stays open is also bounded without priors that cost bounds.
 
-    Such a prior makes a larger problem, whose bounds can be weaker when time runs out. What
-    is proved without it holds with it. Cones of denominators do not see what such a prior adds.
+    Such a prior adds unknowns or products of parameters. That makes a larger problem, or one of
+    another kind, whose bounds can be weaker when time or work runs out. What is proved without it
+    holds with it. Cones of denominators do not see what such a prior adds.
 
     Parameters
     ----------
     formulation : Formulation
     context : BoundingContext
     """
-    kept = [prior for prior in formulation.priors if not unknowns_of(prior, formulation.model)]
+    kept = _linear_priors(formulation)
     by_cones = long_record(formulation) is not None and settles(formulation)
     if len(kept) == len(formulation.priors) or by_cones:
         return _by_methods(formulation, context)
@@ -80,6 +82,26 @@ def bound_parameters(formulation: Formulation, context: BoundingContext) -> Iden
     model = found.formulation.model
     fewer = formulate(formulation.data, model, formulation.noise, kept)
     return _intersect(found, _by_methods(fewer, context), context.settings.tol)
+
+
+def _linear_priors(formulation: Formulation) -> list[Prior]:
+    """List the priors that add no unknowns and linear rows alone, whatever priors are left out."""
+    kept: list[Prior] = []
+    while True:
+        rows, constraints = formulation.rows, formulation.problem.constraints
+        priors = list(enumerate(formulation.priors))
+        kept = [
+            prior
+            for place, prior in priors
+            if not unknowns_of(prior, formulation.model)
+            and all(constraints[row].polynomial.degree <= 1 for row in rows.of_prior(place))
+        ]
+        if not kept or len(kept) == len(priors):
+            return kept
+        # rows may rest on a prior that is left out, as a static gain's on stability
+        formulation = formulate(formulation.data, formulation.model, formulation.noise, kept)
+        if len(formulation.priors) == len(priors):  # what the structure itself asks for
+            return kept
 
 
 def _by_methods(formulation: Formulation, context: BoundingContext) -> Identification:
@@ -128,7 +150,7 @@ def _intersect(found: Identification, other: Identification, tol: float) -> Iden
         items[name] = replace(within, status=IntervalStatus.CERTIFIED) if closed else within
     if all(items[name].outer == item.outer for name, item in found.intervals.items()):
         return found
-    note = "some ends are proved without the priors that add unknowns, in less time"
+    note = "some ends are proved without the priors that add unknowns or products, in less time"
     return replace(
         found, intervals=FrozenMapping(items), fewer_priors=other, notes=(*found.notes, note)
     )

@@ -40,6 +40,8 @@ def result(kind: str = "record") -> setid.Identification:
     data = setid.simulate_record(MODEL, theta, u, setid.Noise(equation=0.02), 5).data
     names = setid.parameters(MODEL)
     priors: list[Any] = [setid.Stable(), setid.Box({"b1": (-3, 3)})]
+    if kind == "with a gain":  # linear rows beside stability, a product without
+        priors.append(setid.DCGain(-100.0, 100.0))
     if kind == "with a row":
         priors.append(names["a1"] + names["b1"] <= -0.79)
     found = setid.identify(data, MODEL, NOISE, priors, OPTIONS)
@@ -51,7 +53,7 @@ def loaded(kind: str = "record") -> dict[str, Any]:
     return copy.deepcopy(certificate_files(result(kind))["identification"])
 
 
-@pytest.mark.parametrize("kind", ["record", "with a row"])
+@pytest.mark.parametrize("kind", ["record", "with a row", "with a gain"])
 def test_ends_with_fewer_priors_are_proved_again(kind: str) -> None:
     file = certificate_files(result(kind))
     assert valid(json.loads(json.dumps(file)), SCHEMA)

@@ -38,6 +38,21 @@ def test_a_prior_never_widens(data: setid.IOData, cut_short: setid.Identificatio
         assert high <= free.intervals[name].outer[1]
 
 
+@pytest.mark.parametrize("others", [(), (setid.Stable(),)])
+def test_products_of_a_prior_never_widen(
+    data: setid.IOData, others: tuple[setid.Stable, ...]
+) -> None:
+    """A static gain between two numbers is a product, and two linear rows beside stability."""
+    options = setid.Options(engine=sp.Options(effort="plain", refine="none"), progress=False)
+    found = setid.identify(data, MODEL, NOISE, [*others, setid.DCGain(-100.0, 100.0)], options)
+    free = setid.identify(data, MODEL, NOISE)
+    assert found.fewer_priors is not None and not found.fewer_priors.formulation.priors
+    assert found.verify(data).ok
+    for name, item in free.intervals.items():
+        assert item.outer[0] <= found.intervals[name].outer[0]
+        assert found.intervals[name].outer[1] <= item.outer[1]
+
+
 def test_the_evidence_is_kept_in_files(cut_short: setid.Identification) -> None:
     again = setid.Identification.from_json(cut_short.to_json())
     assert again.fewer_priors is not None and again.table() == cut_short.table()
