@@ -14,7 +14,10 @@ from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
 from setid.identifiability.dependent_signals import dependent_text
 from setid.models.block import BlockStructured
+from setid.models.lti import TransferFunction
 from setid.options import Options
+from setid.priors.base import denominators
+from setid.priors.checked_priors import stable_of
 from setid.proofs.cells.parts import can_start, parts_of
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, start_of
@@ -142,10 +145,28 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     apart = dependent_text(formulation)
     if apart:
         return f"the data give no finite bounds of {names}: {apart}"
+    why, prior = _why_loose(formulation)
     return (
-        f"no finite bounds of {names} were found: the noise is strong for this input; give a "
-        "prior such as Box or Stable, a longer record, or more excitation"
+        f"no finite bounds of {names} were found: {why}; give a prior such as {prior}, a longer "
+        "record, or more excitation"
     )
+
+
+def _why_loose(formulation: Formulation) -> tuple[str, str]:
+    """Say what leaves parameters unbounded, and which priors bound them."""
+    model, why = formulation.model, "the noise is strong for this input"
+    if not isinstance(model, TransferFunction):
+        return why, "Box or Stable"
+    stable = {names for prior in formulation.priors for names in stable_of(prior, model)}
+    prior = "Box" if set(denominators(model)) <= stable else "Stable or Box"
+    if all(len(model.denominators(i)) < 2 for i in range(model.outputs)):
+        return why, prior
+    why = "rows with the denominators multiplied out leave them open at this noise"
+    pairs = [(i, j) for i in range(model.outputs) for j in range(model.inputs)]
+    every = [model.transfer(i + 1, j + 1) for i, j in pairs]
+    if any(one.denominator and len(one.numerator) > 1 for one in every):
+        why += ", and no record tells a factor that a numerator shares with its denominator"
+    return why, prior
 
 
 def _other_way(formulation: Formulation) -> str:

@@ -14,6 +14,7 @@ import setid
 import sparsepop_py as sp
 from setid.proofs.existence import proved_point
 from setid.proofs.parameter_box import ParameterBox
+from setid.result.assembling import unbounded_text
 from sparsepop_py.budget import LimitReached
 
 SAMPLES, NOISE = 22, 0.1
@@ -135,3 +136,32 @@ def test_long_records_are_simulated_without_a_box(monkeypatch: pytest.MonkeyPatc
             assert witness is not None
             assert least_error(data, witness[:4]) < (1.0 + 1e-6) * noise
     assert found.verify()
+
+
+@pytest.mark.parametrize(
+    ("nb", "priors", "shares", "helps"),
+    [
+        (1, [], False, "Stable or Box"),
+        (2, [], True, "Stable or Box"),
+        (2, [setid.Stable()], True, "Box"),  # what is given already is not named again
+    ],
+)
+def test_what_leaves_several_denominators_open_is_said(
+    nb: int, priors: list[setid.Stable], shares: bool, helps: str
+) -> None:
+    """A numerator of one coefficient has no zero, and so no factor to share."""
+    model = setid.TransferFunction([[1, 1]], [[nb, nb]], [[1, 1]], inputs=2)
+    data = setid.IOData(np.arange(24.0).reshape(12, 2) % 5, np.arange(12.0) % 3)
+    known = setid.formulate(data, model, setid.Noise(output=0.1), priors)
+    text = unbounded_text(known, np.array([0, 1]))
+    assert "no finite bounds of a[1,1]1, a[1,2]1 were found" in text
+    assert "denominators multiplied out" in text and "noise is strong" not in text
+    assert ("shares with its denominator" in text) == shares
+    assert f"a prior such as {helps}, a longer record" in text
+
+
+def test_strong_noise_is_named_for_one_denominator() -> None:
+    data = setid.IOData(np.arange(12.0) % 5, np.arange(12.0) % 3)
+    known = setid.formulate(data, setid.TransferFunction(1, 2), setid.Noise(output=2.0))
+    text = unbounded_text(known, np.array([0]))
+    assert "the noise is strong" in text and "Stable or Box" in text
