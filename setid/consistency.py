@@ -56,6 +56,7 @@ from setid.proofs.least_noise.noise_scale import (
     linear_problem,
     problem_with_factor,
     proved_factor,
+    rows_of_exact_readings,
     scaled_noise,
 )
 from setid.proofs.parameter_box import ProvedBox, start_of
@@ -82,6 +83,7 @@ _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
 _ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of products are unknowns
 _MORE = 1.0 + 1e-3  # times what an estimate needs: room to prove that it is consistent
+_BEYOND = 2.0  # times a refuted factor, where none is known to be attained
 _STARTS = 3  # denominators from which a fit begins
 
 
@@ -162,6 +164,9 @@ def consistency(
         return _exactly(asked, formulation)
     formulation = _of_one_offset(without_partial_outputs(formulation, from_rest=True))
     asked = replace(asked, model=formulation.model)
+    never = _by_exact_readings(asked, formulation)
+    if never is not None:
+        return never
     least = None
     if _is_long(formulation):
         least = _by_denominators(asked)
@@ -274,6 +279,27 @@ def _exactly(asked: _Question, formulation: Formulation) -> Consistency:
     return asked.answer(formulation, scale, witness, problem, bound=bound, samples=held)
 
 
+# ---- readings without noise: no factor is large enough ----------------------------------
+
+
+def _by_exact_readings(asked: _Question, formulation: Formulation) -> Consistency | None:
+    """Prove that rows which no noise enters contradict each other; None where they do not."""
+    output, _, equation = asked.noise.bounds(asked.data)
+    if not (np.any(output == 0.0) and np.any(equation == 0.0)):
+        return None
+    exact = rows_of_exact_readings(formulation, asked.noise)
+    if exact is None or exact.smoothed is None:
+        return None
+    search = partial(parameter_box, exact.smoothed, start_of(exact), asked.deadline.end)
+    box = asked.kept(search)
+    if box is None or not box.empty:
+        return None
+    problem, found = problem_with_factor(formulation, None), conflicting_rows(exact, box)
+    samples = tuple((record, k - 1) for record, k in found)
+    refuted = inf, box
+    return asked.answer(formulation, (inf, inf), None, problem, refuted=refuted, samples=samples)
+
+
 # ---- otherwise: the factor is an unknown ------------------------------------------------
 
 
@@ -282,12 +308,18 @@ def _by_engine(asked: _Question, before: Consistency | None) -> Consistency:
     formulation, limit, x = _begun(asked, before)
     witness = None if x is None else asked.kept(partial(_witness, formulation, x))
     high = inf if witness is None else _rounded_up(limit)
-    by_rows = asked.kept(partial(refuted_factor, asked.stated, limit, until))
+    attained = witness is not None
+    by_rows = asked.kept(partial(refuted_factor, asked.stated, limit, until, attained))
     refuted = _larger(None if before is None else before.refuted, by_rows)
     low = 0.0 if refuted is None else refuted[0]
+    if low >= limit and not attained:
+        limit = _BEYOND * low
+        formulation, x = asked.stated(limit), None
     box, result = None, None
     if limit > rounding:
-        least = partial(least_factor, asked.stated, (low, limit), x, asked.settings, until)
+        least = partial(
+            least_factor, asked.stated, (low, limit), x, asked.settings, until, attained
+        )
         formulation, limit, box, result = asked.kept(least) or (formulation, limit, None, None)
     problem = problem_with_factor(formulation, box)
     if result is not None:

@@ -27,6 +27,8 @@ __all__ = ["least_factor", "on_box", "refuted_factor", "rounding_factor", "searc
 _REACH = 4.0  # of parameters whose terms are of the size of the others
 _GAP = 0.01  # of the factor, in a search
 _STEPS = 12  # halvings of the interval of s by boxes alone
+_FURTHER = 4.0  # times a refuted factor, where none is known to be attained
+_REACHED = 12  # such steps
 _PART = 0.25  # of the time, for these
 _TRIES = 6  # factors at which a finite box is looked for
 _LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its geometric mean
@@ -41,13 +43,24 @@ def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
 
 
 def refuted_factor(
-    stated: Callable[[float], Formulation], limit: float, until: float
+    stated: Callable[[float], Formulation], limit: float, until: float, attained: bool
 ) -> tuple[float, ParameterBox] | None:
-    """Search for the largest factor at which no parameters pass the rows."""
-    found, low, high = None, 0.0, limit
+    """Search for the largest factor at which no parameters pass the rows.
+
+    Parameters
+    ----------
+    stated : callable
+        The problem at a factor.
+    limit : float
+        The search ends there if that is attained, and goes beyond it otherwise.
+    until : float
+        Reading of ``time.monotonic``; a part of the time until then is taken.
+    attained : bool
+    """
     end = until if until == inf else time.monotonic() + _PART * (until - time.monotonic())
-    for _ in range(_STEPS):
-        factor = 0.5 * (low + high)
+    found, low, high = None, 0.0, limit if attained else inf
+    for _ in range(_STEPS if attained else _STEPS + _REACHED):
+        factor = 0.5 * (low + high) if high < inf else max(limit, _FURTHER * low)
         formulation = stated(factor)
         if formulation.smoothed is None or time.monotonic() >= end:
             break
@@ -117,11 +130,13 @@ def least_factor(
     x: NDArray[np.float64] | None,
     settings: Options,
     until: float,
+    attained: bool = True,
 ) -> tuple[Formulation, float, ProvedBox | None, sp.Result | None]:
     """Bound and attain the least factor, up to a limit that leaves a finite box.
 
     With the noise of an estimate they may have none. Then less noise is tried: below the least
-    factor the engine proves that, above it, it finds parameters.
+    factor the engine proves that, above it, it finds parameters. Where the upper end is not
+    attained and the engine refutes it, more noise is tried.
     """
     low, limit = ends
     formulation, kept = stated(limit), None
@@ -134,8 +149,9 @@ def least_factor(
             if result.attained is not None or result.status is not sp.Status.INFEASIBLE:
                 return kept
             low = limit
-            if low >= ends[1]:
+            if low >= ends[1] and attained:
                 break
+            ends = low, ends[1] if low < ends[1] else _FURTHER * low
         else:
             ends = low, limit
         if time.monotonic() >= until:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf, isnan
 from typing import Any
 
@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import frozen
 from setid.data.noise import Noise
-from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate, multiplied_out
+from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
 from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.evidence import Verification
@@ -28,6 +30,7 @@ __all__ = [
     "linear_problem",
     "problem_with_factor",
     "proved_factor",
+    "rows_of_exact_readings",
     "scaled_noise",
     "verify_scale",
 ]
@@ -59,7 +62,8 @@ class NoiseScale:
     box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
         The box of the parameters with the factor at ``limit``.
     refuted : (float, ParameterBox or DenominatorCells) or None
-        A factor at which no parameters are proved to be consistent, by rows or by denominators.
+        A factor at which no parameters are proved to be consistent, by rows or by denominators;
+        infinite where rows that no noise enters contradict each other.
     noise : Noise
         As given: a factor of 1.
     """
@@ -143,6 +147,35 @@ def _with_factor(
             given = problem.constraints[row]
             found[row] = sp.Constraint(p, given.kind, given.name)
     return found
+
+
+def rows_of_exact_readings(formulation: Formulation, noise: Noise) -> Formulation | None:
+    """State only the rows that no noise enters: they hold with every factor on it.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Says data, structure and priors.
+    noise : Noise
+        Whose bounds count as zero or not, whatever their size.
+
+    Returns
+    -------
+    Formulation or None
+        Whose ``smoothed`` are these rows; None where there are none.
+    """
+    parts = [np.where(b > 0, 1.0, 0.0) for b in noise.bounds(formulation.data)]
+    loud = Noise(output=parts[0], input=parts[1], equation=parts[2])
+    given = formulation.model, loud, formulation.priors
+    stated = multiplied_out(formulate(formulation.data, *given))
+    rows = stated.smoothed
+    if rows is None:
+        return None
+    exact = (rows.radius == 0.0) & ~np.any(rows.radii > 0.0, axis=1)
+    if not np.any(exact):
+        return None
+    arrays = (getattr(rows, item.name)[exact] for item in fields(rows) if item.name != "names")
+    return replace(stated, smoothed=Regression(rows.names, *map(frozen, arrays)))
 
 
 def last_variable(problem: sp.Problem) -> sp.Polynomial:
@@ -235,7 +268,7 @@ def verify_scale(found: NoiseScale) -> Verification:
     proved, attained = 0.0, False
     if found.refuted is not None:
         factor, box = found.refuted
-        if not box.empty or not _emptiness_follows(box, _stated(found, factor)):
+        if not box.empty or not _emptiness_follows(box, found, factor):
             return Verification(False, "emptiness of the box does not follow")
         proved = factor
     if found.result is not None:
@@ -251,10 +284,15 @@ def verify_scale(found: NoiseScale) -> Verification:
     return Verification(good, "" if good else "the lower end does not follow")
 
 
-def _emptiness_follows(box: ParameterBox | DenominatorCells, formulation: Formulation) -> bool:
-    if isinstance(box, DenominatorCells):
-        return box.verify(formulation)
-    return box_follows(box, formulation)
+def _emptiness_follows(
+    box: ParameterBox | DenominatorCells, found: NoiseScale, factor: float
+) -> bool:
+    """Check that no parameters are consistent at a factor, or at any where that is infinite."""
+    if factor == inf:
+        exact = rows_of_exact_readings(found.formulation, found.noise)
+        return exact is not None and isinstance(box, ParameterBox) and box_follows(box, exact)
+    stated = _stated(found, factor)
+    return box.verify(stated) if isinstance(box, DenominatorCells) else box_follows(box, stated)
 
 
 def _verify_linear(found: NoiseScale, bound: sp.LinearBound) -> Verification:

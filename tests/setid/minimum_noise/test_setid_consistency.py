@@ -45,6 +45,25 @@ def test_the_least_equation_error_of_the_laboratory_records() -> None:
     assert bool(other.verify())
 
 
+def test_exact_readings_that_contradict_each_other_are_explained_by_no_factor() -> None:
+    """y = b u: the first readings, without noise, say b = 1 and b = 2; a prior may say b >= 2."""
+    noise, model = setid.Noise(output=[0.0, 0.0, 0.1, 0.1]), setid.TransferFunction(0, 1)
+    found = setid.consistency(setid.IOData([1, 1, 2, 3], [1, 2, 2, 3]), model, noise, options=QUICK)
+    assert found.scale == (np.inf, np.inf) and found.explains is False and bool(found.verify())
+    assert found.samples == ((1, 0), (1, 1)) and "however large (proved)" in found.summary()
+    data, wide = setid.IOData([1, 1, 2, 3], [1, 1, 2.5, 3.5]), setid.Box({"b0": (2.0, 3.0)})
+    assert setid.consistency(data, model, noise, [wide], QUICK).scale[0] == np.inf
+
+
+def test_factors_beyond_the_bounds_as_given_are_looked_for() -> None:
+    """y = b u, b = 1 exactly: 3.5 against 3 within 0.1 needs 5 times that, and 2.5 against 2."""
+    noise, model = setid.Noise(output=[0.0, 0.0, 0.1, 0.1]), setid.TransferFunction(0, 1)
+    data = setid.IOData([1, 1, 2, 3], [1, 1, 2.5, 3.5])
+    found = setid.consistency(data, model, noise, options=QUICK)
+    assert found.scale == pytest.approx((5.0, 5.0), rel=1e-3) and found.scale[0] <= 5.0
+    assert found.scale[1] >= 5.0 and found.explains is False and bool(found.verify())
+
+
 def test_samples_are_named_with_the_factor_that_they_hold_up_alone() -> None:
     """The whole record needs 1.31; least noise of samples 0, 4, 6 over a grid of a1: 0.857."""
     u = [2.0, -2.6, 0.4, -0.6, -0.5, -0.2, -2.0, -0.2]

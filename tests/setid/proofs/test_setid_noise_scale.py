@@ -18,6 +18,7 @@ from setid.proofs.least_noise.noise_scale import (
     linear_problem,
     problem_with_factor,
     proved_factor,
+    rows_of_exact_readings,
     scaled_noise,
 )
 
@@ -251,3 +252,38 @@ def test_what_is_not_scaled_of_a_noise_bound_stays() -> None:
             assert min(side(x) for side in sides) >= 0.0
             x[place] = sign * (noise + 1e-9)
             assert min(side(x) for side in sides) < 0.0
+
+
+def test_only_rows_that_no_noise_enters_hold_with_every_factor() -> None:
+    """Rows of y(k) + a1 y(k-1) = b0 u(k): the third reading is in those of k = 3 and 4."""
+    data = setid.IOData([1.0, 2.0, 1.0, 3.0, 1.0, 2.0], [1.0, 2.0, 1.5, 2.0, 1.0, 0.5])
+    reading, error = np.zeros((6, 1)), np.zeros((6, 1))
+    reading[2], error[4] = 0.1, 0.1
+    noise = setid.Noise(output=reading, equation=error)
+    exact = rows_of_exact_readings(setid.formulate(data, FIRST, noise), noise)
+    assert exact is not None and exact.smoothed is not None
+    assert exact.smoothed.sample.tolist() == [2, 6] and not np.any(exact.smoothed.radius)
+    every = setid.Noise(output=1.0)
+    assert rows_of_exact_readings(setid.formulate(data, FIRST, every), every) is None
+
+
+def test_noise_that_is_lost_in_rounding_is_noise() -> None:
+    """A thirty-second of the least double is rounded to zero; a large factor makes it count."""
+    data, noise = setid.IOData([1.0, 2.0], [1.0, 2.0], Ts=0.0625), setid.Noise(input=5e-324)
+    known = setid.formulate(data, setid.ContinuousTransferFunction(1, 0), noise)
+    assert rows_of_exact_readings(known, noise) is None
+
+
+def test_lies_about_every_factor_are_refused() -> None:
+    """b u = y: exact readings say b = 1 and b = 2, noisy ones only with too little noise."""
+    data, model = setid.IOData([1, 1, 2, 3], [1, 2, 2, 3]), setid.TransferFunction(0, 1)
+    noise = setid.Noise(output=[0.0, 0.0, 0.1, 0.1])
+    true = setid.consistency(data, model, noise, options=QUICK)
+    assert true.scale == (inf, inf) and true.verify().ok
+    assert not replace(true, scale=(inf, 1.0)).verify().ok
+    noise = setid.Noise(output=[0.1, 0.1, 0.1, 0.0])
+    held = setid.consistency(data, model, noise, options=QUICK)
+    assert held.refuted is not None and held.scale[1] < inf
+    for box in (held.refuted[1], SimpleNamespace(empty=True, verify=lambda *_: True)):
+        lie = replace(held, scale=(inf, inf), refuted=(inf, box), theta=None)  # type: ignore[arg-type]
+        assert not lie.verify().ok
