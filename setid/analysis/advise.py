@@ -43,8 +43,11 @@ _ANSWER = 1.5  # times the range before the step: less is no answer to it
 _TAIL = 0.1  # of the record, from which the final value is taken
 _CONFIDENCE = 0.95
 _RUN = 5  # equal readings at an end of the range that count as saturation, at least
+_DIGITS = 2.0**-40  # of the largest reading: smaller steps are those of doubles
 _LEVELS = 0.5  # distinct values a sample, below which a channel counts as quantised
 _SAMPLES = 10**8  # of a square wave, at most
+_CUT = "saturation; use a smaller step or another range"
+_SMALLER = "the response to a smaller step tells which"
 _WIDE = 0.3  # relative half width from which a parameter is called wide
 
 
@@ -298,7 +301,8 @@ def _quantised(data: IOData) -> dict[str, float]:
             gaps = np.diff(levels)
             step = float(gaps.min())
             parts = gaps / step
-            if step > 0 and np.all(np.abs(parts - np.round(parts)) < 1e-3 * np.maximum(parts, 1)):
+            coarse = step > _DIGITS * np.abs(levels).max()
+            if coarse and np.all(np.abs(parts - np.round(parts)) < 1e-3 * np.maximum(parts, 1)):
                 found[name] = step
     return found
 
@@ -322,12 +326,6 @@ def _saturated(data: IOData) -> dict[str, tuple[float | None, float | None]]:
         if ends != (None, None):
             found[name] = ends
     return found
-
-
-def _last(data: IOData, name: str) -> float:
-    """The last reading of an output."""
-    values = data.y[:, data.output_names.index(name)]
-    return float(values[~np.isnan(values)][-1])
 
 
 def _runs(values: Reals) -> list[tuple[float, int]]:
@@ -384,10 +382,7 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
     lines += _on_noise(found, count, own)
     for name, ends in found.saturation.items():
         shown = " and ".join(f"{end:g}" for end in ends if end is not None)
-        cause = "saturation; use a smaller step or another range"
-        if name in found.quantisation and _last(found.record, name) in ends:
-            cause = f"it settles there within a step of its quantisation, or {cause}"
-        lines.append(f"{name} sticks at {shown}: {cause}")
+        lines.append(f"{name} sticks at {shown}: {_why_it_sticks(found, name, ends)}")
     for name, step in found.quantisation.items():
         lines.append(
             f"{name} is quantised in steps of {step:g}: at least {step / 2:g} of its noise bound "
@@ -400,6 +395,34 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
             "advice.square_wave() makes it; several levels where the system may be nonlinear"
         )
     return lines
+
+
+def _why_it_sticks(found: Advice, name: str, ends: tuple[float | None, float | None]) -> str:
+    """Say what may hold readings at an end of their range."""
+    begin = _step_at(found.record)
+    y = found.record.y[:, found.record.output_names.index(name)]
+    before, after = (part[~np.isnan(part)] for part in (y[:begin], y[begin:]))
+    if after.size and after[-1] in ends:  # it stays there, as what has settled does
+        if name in found.quantisation:
+            return f"it settles there within a step of its quantisation, or {_CUT}"
+        exact = np.unique(before).size == 1
+        if exact and not _goes_on(np.append(before[-1:], after)):
+            return f"it settles there without any noise, or saturates; {_SMALLER}"
+    return _CUT
+
+
+def _goes_on(values: Reals) -> bool:
+    """Check that exact readings end at the last one before their increments would have ended.
+
+    These are continued as a geometric sequence, if there are enough of them.
+    """
+    reached = int(np.flatnonzero(values == values[-1])[0])
+    if np.count_nonzero(np.diff(values[:reached])) < _RUN:
+        return False
+    before, last = np.abs(np.diff(values[reached - 3 : reached]))
+    rest = last**2 / (before - last) if before > last else inf
+    height = abs(values[-1] - values[0])
+    return bool(rest - abs(values[-1] - values[reached - 1]) > _BAND * height)
 
 
 def _on_noise(found: Advice, count: int, own: bool) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from scipy.signal import lsim, lti
+from scipy.signal import lfilter, lsim, lti
 
 import setid
 
@@ -180,6 +180,29 @@ def test_a_quantised_output_that_settles_need_not_be_saturated() -> None:
     assert rounded.saturation and "sticks at 1: it settles there within a step" in rounded.text
     cut = setid.advise(setid.IOData(u, np.minimum(y, 0.8), 0.01))
     assert "sticks at 0.8: saturation; use a smaller step" in cut.text
+
+
+@pytest.mark.parametrize(
+    ("poles", "zeros"), [((-0.5,), (0.0, 0.5)), ((), (0.0, 0.3, 0.4, 0.3)), ((), (0.0, 2.0))]
+)
+def test_an_exact_output_that_settles_need_not_be_saturated(poles, zeros) -> None:
+    """In doubles 1 - 2^-k ends at 1; sums of a few inputs end after these."""
+    u = np.append(np.zeros(20), np.ones(180))
+    y = lfilter(zeros, (1.0, *poles), u)
+    found = setid.advise(setid.IOData(u, y, 0.01))
+    assert f"sticks at {y[-1]:g}: it settles there without any noise, or saturates" in found.text
+    assert not found.quantisation  # 1.1e-16 is no step of a converter
+
+
+def test_exact_outputs_that_were_on_their_way_are_saturated() -> None:
+    u = np.append(np.zeros(20), np.ones(180))
+    y = lfilter((0.0, 0.1), (1.0, -0.9), u)
+    for cut in (0.5, 0.9, 0.97):
+        found = setid.advise(setid.IOData(u, -np.minimum(y, cut), 0.01))
+        assert f"sticks at {-cut}: saturation; use a smaller step" in found.text
+    swings = lfilter((0.0, 0.1), (1.0, -1.8, 0.9), u)  # comes back from where it was cut
+    found = setid.advise(setid.IOData(u, np.minimum(swings, 1.2), 0.01))
+    assert "sticks at 1.2: saturation; use a smaller step" in found.text
 
 
 @pytest.mark.parametrize("constants", [0.5, 1.0, 2.0])
