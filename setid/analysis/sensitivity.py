@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, entries_of, frozen, number
+from setid.data.digits import all_digits
 from setid.data.frames import require_pandas
 from setid.data.noise import Noise
 from setid.errors import NoiseError, SetidError, warns_once
@@ -339,7 +340,8 @@ def _times(known: Formulation, factor: float) -> tuple[Structure, Noise]:
     if isinstance(model, ContinuousTransferFunction):
         model = replace(model, delta=error)
     own = known.noise.covering(0.0).bounds(known.data)
-    return model, scaled_noise(own, factor).covering(error)
+    texts = [f"{text}, times {all_digits(factor)}" for text in known.noise.assumptions]
+    return model, scaled_noise(own, factor).covering(error).assuming(texts)
 
 
 @dataclass(slots=True, eq=False)

@@ -210,6 +210,25 @@ class Noise:
         object.__setattr__(found, "model_error", float(delta))
         return found
 
+    def assuming(self, texts: Iterable[str]) -> Noise:
+        """Repeat what other bounds take for granted, where these bounds are made from them.
+
+        Parameters
+        ----------
+        texts : iterable of str
+            In front of the own ``assumptions``.
+
+        Examples
+        --------
+        >>> import setid
+        >>> setid.Noise(output=0.25).assuming(["output noise: half of what was seen"]).assumptions
+        ('output noise: half of what was seen',)
+        """
+        found = copy(self)
+        texts = tuple(dict.fromkeys([*texts, *self.assumptions]))
+        object.__setattr__(found, "assumptions", texts)
+        return found
+
     @property
     def scaled(self) -> str:
         """Name what a factor on the noise multiplies.

@@ -182,8 +182,11 @@ def test_a_bound_read_off_the_record_is_named_as_such() -> None:
     assert noise.bounds(data)[2].max() == pytest.approx(1.05 * level.scale[1], rel=1e-12)
     result = setid.identify(data, model, noise, (), QUIET)
     assert any(READ_OFF in text for text in result.assumptions)
-    found = result.sensitivity([1.0])
-    assert "check it on another" in found.summary()
+    found = result.sensitivity([1.0, 2.0])
+    assert "check it on another" in found.summary() and bool(found.verify())
+    (said,) = [text for text in found.results[1].assumptions if READ_OFF in text]
+    assert said.startswith("equation noise: read off") and said.endswith(", times 2")
+    assert setid.Identification.from_json(found.results[1].to_json()).assumptions[0] == said
     assert found.least.scale[1] == pytest.approx(1 / 1.05, rel=1e-6)
     with pytest.raises(setid.NoiseError, match="margin"):
         level.noise_bound(0.9)
