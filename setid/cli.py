@@ -14,8 +14,8 @@ import sparsepop_py as sp
 from setid.consistency import consistency
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.data.tables import has_names
-from setid.errors import ModelError, NoiseError, SetidError
+from setid.data.tables import column_names
+from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.identify import identify
 from setid.minimum_noise.consistency_result import Consistency
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
@@ -201,9 +201,16 @@ def _columns(given: list[str] | None) -> list[str | int]:
 
 
 def _default_columns(arguments: argparse.Namespace) -> tuple[str | int, str | int]:
-    """Take u and y where the first line holds names, else the first two columns."""
-    named = has_names(arguments.record, arguments.decimal, arguments.header)
-    return ("u", "y") if named else (0, 1)
+    """Take u and y where the first line holds names, else the columns if there are two."""
+    names = column_names(arguments.record, arguments.decimal, arguments.header)
+    if isinstance(names[0], str):
+        return "u", "y"
+    if len(names) != 2:
+        raise DataError(
+            f"{arguments.record}: found {len(names)} columns without names, expected two, an input "
+            "and an output; say which by --input and --output, numbers from 0"
+        )
+    return 0, 1
 
 
 def _parts(

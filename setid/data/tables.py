@@ -182,6 +182,11 @@ def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}, expected a table of numbers") from None
     except UnicodeDecodeError as error:
+        if Path(path).suffix == ".mat":
+            raise DataError(
+                f"{path}: found a MATLAB file, expected a table of text; "
+                "setid.IOData.from_mat reads its variables"
+            ) from None
         raise DataError(
             f"{path}: found bytes that are no UTF-8 text (at {error.start}), "
             "expected a table of numbers; save it as UTF-8"

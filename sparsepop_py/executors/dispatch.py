@@ -241,6 +241,8 @@ class _Run(Generic[Key, T]):
         if error is None:
             return Done(key, future.result())
         if not _means_lost(error):
+            if not isinstance(error, SparsePOPError):
+                error.add_note(f"executor: a task on {type(self._executor).__name__} raised this")
             raise error
         if attempt < _ATTEMPTS:
             self.submit(key, argument, attempt + 1)

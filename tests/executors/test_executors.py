@@ -106,8 +106,12 @@ def test_wrong_numbers_of_workers_are_named(workers: object) -> None:
 
 
 def test_exceptions_of_the_function_are_raised() -> None:
-    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="math|nonnegative"):
+    with (
+        ThreadPoolExecutor(1) as pool,
+        pytest.raises(ValueError, match="math|nonnegative") as raised,
+    ):
         map_in_order(pool, math.sqrt, [4.0, -1.0])
+    assert raised.value.__notes__ == ["executor: a task on ThreadPoolExecutor raised this"]
 
 
 def test_answers_that_cannot_be_read_leave_the_others_alone() -> None:

@@ -99,6 +99,26 @@ def test_columns_by_name_and_number(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["identify", str(path), *bounds]) == cli.EXIT_PROVED
 
 
+def test_columns_without_names_are_not_guessed_among_three(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first of them counts samples: it is no input."""
+    path = tmp_path / "record.dat"
+    path.write_text("1 4 0\n2 -3 -6.25\n3 2 1.175\n4 1 2.0875\n")
+    given = ["identify", str(path), *FIRST, "--equation-noise", "0.5"]
+    assert main(given) == cli.EXIT_INPUT
+    assert "found 3 columns without names" in capsys.readouterr().err
+    assert main([*given, "--input", "1", "--output", "2"]) == cli.EXIT_PROVED
+    assert "-0.5232" in capsys.readouterr().out
+
+
+def test_matlab_files_are_named_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "record.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file\0\xff\xfe")
+    assert main(["identify", str(path), *FIRST, "--output-noise", "1"]) == cli.EXIT_INPUT
+    assert "setid.IOData.from_mat" in capsys.readouterr().err
+
+
 def test_decimal_commas(tmp_path: Path, record: str, capsys: pytest.CaptureFixture[str]) -> None:
     bounds = [*FIRST, "--equation-noise", "0.5"]
     main(["identify", record, *bounds])
