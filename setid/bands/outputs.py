@@ -174,14 +174,10 @@ class Comparison:
 
     def summary(self) -> str:
         """Describe the comparison in a few lines."""
-        band, finite = self.band, np.isfinite(self.band.high - self.band.low)
+        band = self.band
         lines = [f"fit of the nominal model ({band.mode})  {per_cent(self.fit)}"]
         lines += [f"fit of {name}  {per_cent(values)}" for name, values in self.fits.items()]
-        if np.any(finite):
-            width = float(np.mean((band.high - band.low)[finite]))
-            lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
-        else:
-            lines.append(f"the {band.kind} band of models is infinite: nothing is proved")
+        lines.append(self._widths())
         many = len(band.reports) > 1
         for place, report in enumerate(band.reports, 1):
             lines.append(f"y{place}: {report.text}" if many else report.text)
@@ -205,6 +201,20 @@ class Comparison:
             )
         lines += [self.advice] if self.advice else []
         return "\n".join(lines)
+
+    def _widths(self) -> str:
+        """A line for the mean width of each output, over samples at which the band is a test."""
+        band, found = self.band, list[str]()
+        if not np.any(np.isfinite(band.high - band.low)):
+            return f"the {band.kind} band of models is infinite: nothing is proved"
+        names, units = band.data.output_names, band.data.output_units
+        for place, (low, high) in enumerate(zip(band.low.T, band.high.T, strict=True)):
+            said = np.isfinite(high - low) & ~band.silent[:, place]
+            shown = f"{np.mean((high - low)[said]):.4g}" if np.any(said) else "says nothing"
+            unit = f" {units[place]}" if np.any(said) and units[place] else ""
+            found.append((f"{names[place]}: " if len(names) > 1 else "") + shown + unit)
+        where = " where it says something" if np.any(band.silent) else ""
+        return f"mean width of the {band.kind} band of models{where}  {', '.join(found)}"
 
     def _silence(self) -> list[str]:
         """A line for samples at which the band is no test."""

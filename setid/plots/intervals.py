@@ -53,7 +53,7 @@ def plot_intervals(result: FeasibleSet, ax: Axes | None = None) -> Axes:
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.set_xlabel("distance from the centre, % of the centre (* of half the width)")
-    axes.legend(loc="best")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     axes.grid(alpha=0.3, axis="x")
     return axes
 

@@ -18,6 +18,8 @@ __all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 
 Reals = NDArray[np.float64]
 
+_ABOVE = 14.0  # points: a title above what is said of clipping
+
 
 def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
     """Draw readings, nominal output and bands; one axis an output.
@@ -101,5 +103,6 @@ def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:
     """
     axes = plot_output_band(comparison.band, ax)
     for axis, value in zip(axes, comparison.fit, strict=True):
-        axis.set_title(f"{comparison.band.mode}: fit {per_cent(np.array([value]))}")
+        text = f"{comparison.band.mode}: fit {per_cent(np.array([value]))}"
+        axis.set_title(text, pad=_ABOVE if axis.texts else None)
     return axes

@@ -297,7 +297,8 @@ class Identification(FeasibleSet):
         validation : IOData, optional
             A record to compare with; that of the identification when left out.
         time_limit : float
-            Seconds for all bands together.
+            Seconds for all bands together, which a smaller one widens. Where sets are wide they
+            take all of it; pictures come on top.
 
         Returns
         -------

@@ -88,6 +88,31 @@ def test_pictures_follow_the_readings_and_say_what_is_clipped() -> None:
     plt.close("all")
 
 
+def test_titles_stand_above_what_is_said_of_clipping() -> None:
+    (ax,) = Comparison((), np.zeros(0), np.zeros(1), wide_band()).plot()
+    ax.figure.canvas.draw()
+    renderer = ax.figure.canvas.get_renderer()
+    (caption,), title = ax.texts, ax.title
+    assert title.get_window_extent(renderer).y0 >= caption.get_window_extent(renderer).y1
+    plt.close("all")
+
+
+def test_mean_widths_are_those_of_samples_at_which_the_band_is_a_test() -> None:
+    """Bands of two outputs are not averaged together, and infinite ones not with others."""
+    wide = wide_band()
+    said = ~wide.silent[:, 0]
+    mean = f"{np.mean((wide.high - wide.low)[said, 0]):.4g}"
+    text = Comparison((), np.zeros(0), np.zeros(1), wide).summary()
+    assert f"band of models where it says something  {mean}" in text
+    names, units = ("T", "p"), ("K", "bar")
+    data = setid.IOData([1, 2, 3], np.ones((3, 2)), output_names=names, output_units=units)
+    ends = np.zeros((3, 2)), np.array([[0.5, 4.0], [1.5, 6.0], [1.0, 5.0]])
+    apart = np.full((3, 2), 2.0)
+    two = replace(wide, data=data, low=ends[0], high=ends[1], reading_low=apart, reading_high=apart)
+    text = Comparison((), np.zeros(0), np.zeros(2), two).summary()
+    assert "mean width of the proved band of models  T: 1 K, p: 5 bar" in text
+
+
 def test_nothing_is_clipped_where_the_band_is_near() -> None:
     _, ax = plt.subplots()
     ends = np.zeros(3), np.ones(3)
