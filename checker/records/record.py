@@ -348,7 +348,8 @@ class Identification:
         used = {v for c in self.problem.constraints for w in c.words() for v in w}
         for v in range(len(self.names)):
             low, high = self.bounds(v)
-            if not empty and not (low <= box[0][v] and box[1][v] <= high):
+            least, most = max(box[0][v], self.given[0][v]), min(box[1][v], self.given[1][v])
+            if not empty and not (low <= least and most <= high):
                 if v + 1 in used:
                     raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
                 self.chosen.add(v)

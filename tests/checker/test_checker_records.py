@@ -243,12 +243,28 @@ def test_a_file_without_rows_bounds_no_parameters():
         Identification(found).check()
 
 
-def test_a_problem_that_leaves_out_values_proves_nothing_of_other_parameters():
+@pytest.mark.parametrize(("side", "end"), [("upper", -10.0), ("lower", 10.0)])
+def test_a_problem_that_leaves_out_values_proves_nothing_of_other_parameters(side, end):
     found = loaded("e-0")
-    found["problem"]["upper"]["data"][0] = -10.0
+    found["problem"][side]["data"][0] = end
     found["intervals"][0].update(outer=["-inf", "inf"], inner=None)
     with pytest.raises(NotProved, match="leaves out values of a1"):
         Identification(found).check()
+
+
+def test_boxes_that_round_beyond_given_bounds_leave_no_values_out(monkeypatch):
+    """What is given is taken for granted: a box that ends 1e-12 beyond it says no more."""
+    found = loaded("o-0")
+    names, problem = [item["name"] for item in found["intervals"]], found["problem"]
+    low, high = (problem[side]["data"][0] for side in ("lower", "upper"))
+    found["given"][0][0], found["given"][1][0] = low, high
+    checked = Identification(found)
+    beyond = Fraction(1, 10**12)
+    box = [Fraction(low) - beyond], [Fraction(high) + beyond]
+    rest = [checked.bounds(v) for v in range(1, len(names))]
+    whole = tuple([*end, *(pair[side] for pair in rest)] for side, end in enumerate(box))
+    monkeypatch.setattr("checker.records.record.proved_box", lambda _: (whole, []))
+    assert any(text.startswith(f"proved: {names[0]} in") for text in checked.check())
 
 
 def test_certificates_about_parameters_in_no_row_prove_nothing_of_them():
