@@ -27,13 +27,12 @@ from setid.errors import SetidError
 from setid.feasible_points.best import best, per_cent
 from setid.formulation.regression import check_channels
 from setid.html import table
-from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.block import BlockStructured
 from setid.models.html import InNotebook, equations_html
 from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
-from setid.result.reports import advice, binding_kinds, html
+from setid.result.reports import advice, binding_kinds, conflict, html
 from sparsepop_py.errors import check_writable
 from sparsepop_py.files import as_path, write_text
 
@@ -278,8 +277,7 @@ def _binding(result: Identification) -> tuple[Part, ...]:
         place = f"record {record}, " if result.formulation.data.records > 1 else ""
         items.append(f"{place}sample {sample}: at its bound at {count} ends")
     if result.samples:
-        shown = samples_listed(result.samples, result.formulation.data.records)
-        items.append(f"samples that contradict each other: {shown}")
+        items.append(conflict(result.samples, result.formulation))
     return (
         (Part("list", items),)
         if items

@@ -30,6 +30,7 @@ __all__ = [
     "advice",
     "binding",
     "binding_kinds",
+    "conflict",
     "channels",
     "html",
     "summary",
@@ -38,6 +39,7 @@ __all__ = [
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
 NOT_CLAIMED = "nothing is claimed to be attained"  # the end of a note that says why
+_FEW = 12  # samples that are listed even where they are all
 _NEAR = 1e-6  # closer than this share of a bound counts as at it
 _WIDE = 0.3  # relative half width from which an interval is called wide
 
@@ -315,5 +317,22 @@ def _centre(result: FeasibleSet) -> list[str]:
 def _conflicting(result: FeasibleSet, remarks: Remarks) -> str:
     if not remarks.samples:
         return "no few samples are to blame: the proof uses the record as a whole"
-    shown = samples_listed(remarks.samples, result.formulation.data.records)
-    return f"samples that contradict each other: {shown}"
+    return conflict(remarks.samples, result.formulation)
+
+
+def conflict(samples: tuple[tuple[int, int], ...], formulation: Formulation) -> str:
+    """Name samples that are proved to contradict each other, or say that no few were found.
+
+    Parameters
+    ----------
+    samples : tuple of (record, sample)
+        Records from 1, samples from 0.
+    formulation : Formulation
+    """
+    rows = formulation.rows
+    every = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
+    if len(samples) == len(every) > _FEW:
+        return f"all {len(every)} samples together contradict each other: no part of them was found"
+    return (
+        f"samples that contradict each other: {samples_listed(samples, formulation.data.records)}"
+    )

@@ -11,6 +11,7 @@ from slow_values import slow_after
 
 import setid
 from setid.minimum_noise.conflicting_samples import conflicting_samples, samples_listed
+from setid.result.reports import conflict
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -158,3 +159,11 @@ def test_rows_that_are_named_contradict_each_other_alone(seed: int, two: bool) -
     assert result.empty and result.samples and bool(result.verify())
     grid = [(a, b) for a in np.linspace(low, low + 0.1, 6) for b in np.linspace(-1, 1, 41)]
     assert min(factor_of_rows(result, {first: a, second: b}) for a, b in grid) > 1.0
+
+
+def test_a_whole_record_is_not_listed_as_its_samples() -> None:
+    u = np.arange(15.0)
+    known = setid.formulate(setid.IOData(u, u), setid.TransferFunction(1, 1), setid.Noise(output=1))
+    every = tuple((1, k) for k in range(1, 15))  # the first sample has no row
+    assert conflict(every, known).startswith("all 14 samples together contradict each other")
+    assert conflict(every[:2], known) == "samples that contradict each other: 1, 2"
