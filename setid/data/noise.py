@@ -260,7 +260,7 @@ class Noise:
         Raises
         ------
         NoiseError
-            If the shape of a bound does not fit the data.
+            If the shape of a bound does not fit the data, or a bound is beyond all doubles.
 
         Examples
         --------
@@ -271,10 +271,14 @@ class Noise:
         """
         output = _spread(self.output, "output", data.samples, data.outputs)
         input = _spread(self.input, "input", data.samples, data.inputs)
-        if self.relative:
-            output, input = _parts_of(output, data.y), _parts_of(input, data.u)
-        if self.model_error:
-            output = np.nextafter(output + self.model_error, np.inf)
+        with np.errstate(over="ignore"):
+            if self.relative:
+                output, input = _parts_of(output, data.y), _parts_of(input, data.u)
+            if self.model_error:
+                output = np.nextafter(output + self.model_error, np.inf)
+        for field, bound in (("output", output), ("input", input)):
+            if np.any(np.isinf(bound)):
+                raise NoiseError(f"{field}: found a bound beyond all doubles, expected less")
         output = np.where(np.isnan(data.y), 0.0, output)
         input = np.where(np.isnan(data.u), 0.0, input)
         return output, input, _spread(self.equation, "equation", data.samples, data.outputs)

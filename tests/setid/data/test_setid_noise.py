@@ -191,3 +191,16 @@ def test_constraints_of_output_noise_say_nothing_of_a_discretisation_error(const
     assert noise.covering(0.0).constraints == noise.constraints
     inputs = setid.Noise(output=1e-4, input=0.1, constraints=[setid.EnergyBound("input", 0.1)])
     assert inputs.covering(0.006).model_error == 0.006
+
+
+@pytest.mark.parametrize(
+    ("noise", "field"),
+    [
+        (setid.Noise(output=1e308, relative=True), "output"),
+        (setid.Noise(input=1e308, relative=True), "input"),
+        (setid.Noise(output=1e308).covering(1e308), "output"),
+    ],
+)
+def test_bounds_beyond_all_doubles_are_refused(noise: setid.Noise, field: str) -> None:
+    with pytest.raises(setid.NoiseError, match=f"{field}: found a bound beyond all doubles"):
+        noise.bounds(setid.IOData([3, 2], [2, 4]))
