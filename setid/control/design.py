@@ -38,8 +38,8 @@ from setid.control.parameters.parameter_set import (
     tightened,
 )
 from setid.control.parameters.ratios import ratio_range, series_times
-from setid.control.parameters.rows import noisy_rows
-from setid.control.parameters.sums import best_fit, least_noise_fit
+from setid.control.parameters.rows import NoisyRows, noisy_rows
+from setid.control.parameters.sums import best_fit, least_noise_fit, within_doubles
 from setid.control.references import (
     Matching,
     check_matching,
@@ -189,9 +189,8 @@ class Design:
             return None
         model, noise = self.fixed.model, formulation.noise
         rows = noisy_rows(formulation.data, model, noise, self.fixed.integrators)
-        x = least_noise_fit(rows, best_fit(rows).origin)
-        theta = np.asarray(rows.offset + rows.basis @ x, np.float64)
-        return None if self.result.consistent(theta) is None else theta
+        theta = _with_least_noise(rows)
+        return None if theta is None or self.result.consistent(theta) is None else theta
 
     @property
     def estimate(self) -> Transfer:
@@ -235,8 +234,9 @@ class Design:
         if not free or na <= max(self.fixed.integrators, 1) or np.isnan(record.u).any():
             return 0
         rows = noisy_rows(record, TransferFunction(na - 1, nb - 1), bound, self.fixed.integrators)
-        x = least_noise_fit(rows, best_fit(rows).origin)
-        theta = rows.offset + rows.basis @ x
+        theta = _with_least_noise(rows)
+        if theta is None:
+            return 0
         padded = np.concatenate([theta[: na - 1], [0.0], theta[na - 1 :], [0.0]])
         return 0 if self.result.consistent(padded) is None else na - 1
 
@@ -327,7 +327,7 @@ def design(
     data: IOData,
     reference_model: Any,
     controller: Controller,
-    noise: Noise | float,
+    noise: Noise | ArrayLike,
     priors: Iterable[Prior] = (),
     options: Options | None = None,
 ) -> Design:
@@ -345,8 +345,8 @@ def design(
     controller : Controller
         Such as ``LTI(3)`` or ``PID()``. Without an order, orders are raised until the set is
         not proved empty.
-    noise : Noise or float
-        Bound of the output's noise.
+    noise : Noise or array_like
+        Bound of the output's noise: one, or one a sample, as ``Noise(output=noise)`` reads it.
     priors : iterable of priors
         On the parameters of the identification.
     options : Options, optional
@@ -402,7 +402,7 @@ def design(
     return found
 
 
-def _input_noise(noise: Noise | float) -> Noise:
+def _input_noise(noise: Noise | ArrayLike) -> Noise:
     """The output's noise of the experiment as that of the controller's input."""
     given = noise if isinstance(noise, Noise) else Noise(output=noise)
     for field in ("input", "equation"):
@@ -487,11 +487,22 @@ def _one(
 
 
 def _fit(record: IOData, fixed: Fixed, noise: Noise) -> Reals:
-    """Parameters with least squares of the noise; NaN where samples are missing."""
+    """Parameters with least squares of the noise; NaN where samples or doubles are missing."""
     if np.isnan(record.u).any():
         return np.full(len(fixed.model.parameters), np.nan)
     rows = noisy_rows(record, fixed.model, noise, fixed.integrators)
-    return np.asarray(rows.offset + rows.basis @ best_fit(rows).origin, np.float64)
+    fit = within_doubles(lambda: rows.offset + rows.basis @ best_fit(rows).origin)
+    return np.full(rows.offset.size, np.nan) if fit is None else np.asarray(fit, np.float64)
+
+
+def _with_least_noise(rows: NoisyRows) -> Reals | None:
+    """Parameters that need the least largest noise; None where numbers leave the doubles."""
+
+    def fitted() -> Reals:
+        x = least_noise_fit(rows, best_fit(rows).origin)
+        return np.asarray(rows.offset + rows.basis @ x, np.float64)
+
+    return within_doubles(fitted)
 
 
 def _after(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import frexp
+from math import frexp, inf
 from typing import Any
 
 import numpy as np
@@ -142,10 +142,13 @@ class Transfer:
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Compute the frequency response (F,) at ``omega`` (F,), rad per unit of time."""
         step = np.exp(-1j * real_array(omega, "omega", SetidError) * self.Ts)
-        top = np.polynomial.polynomial.polyval(step, self.num)
-        below = np.polynomial.polynomial.polyval(step, self.den)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(top / below, np.complex128)
+        top, gain = _scaled(self.numerator)
+        below, size = _scaled(self.denominator)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            ratio = np.polynomial.polynomial.polyval(step, top) / np.polynomial.polynomial.polyval(
+                step, below
+            )
+            return np.asarray(ratio * _nearest(gain / size), np.complex128)
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
         """Simulate the output (N,) from rest for an input (N,), in double precision."""
@@ -345,7 +348,10 @@ def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64
         total = sum(c * inputs[k - i] for i, c in enumerate(top) if i <= k)
         total -= sum(c * found[k - i] for i, c in enumerate(below) if 0 < i <= k)
         found.append(total >> _BITS)
-    return np.array([float(Fraction(value, one) * unit) for value in found])
+    values = [_nearest(Fraction(value, one) * unit) for value in found]
+    if not np.all(np.isfinite(values)):
+        raise SetidError("u: found inputs whose response is beyond all doubles, expected smaller")
+    return np.array(values)
 
 
 # ---- polynomials ------------------------------------------------------------------------
@@ -363,6 +369,24 @@ def _exact(given: Iterable[float | Fraction], field: str) -> Exact:
             raise ModelError(f"{field}[{place}]: found {value!r}, expected a finite number")
         found.append(Fraction(real))
     return tuple(found)
+
+
+def _nearest(value: Fraction) -> float:
+    """The nearest double, infinite beyond them all."""
+    try:
+        return float(value)
+    except OverflowError:
+        return inf if value > 0 else -inf
+
+
+def _scaled(polynomial: Exact) -> tuple[NDArray[np.float64], Fraction]:
+    """Coefficients as fractions of the power of two next to the largest, and that power."""
+    largest = max(map(abs, polynomial))
+    if not largest:
+        return np.zeros(len(polynomial)), Fraction(1)
+    shift = largest.numerator.bit_length() - largest.denominator.bit_length()
+    size = Fraction(2) ** shift
+    return np.array([float(c / size) for c in polynomial]), size
 
 
 def _trimmed(polynomial: Exact) -> Exact:

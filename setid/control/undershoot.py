@@ -200,7 +200,8 @@ def _noise_free(
     """Ranges of the noise-free response from its step on, and what was done to the data."""
     y, texts = _response(record)
     bound = _bounds(record, noise, y)
-    return np.nextafter(y - bound, -inf), np.nextafter(y + bound, inf), texts
+    with np.errstate(over="ignore"):
+        return np.nextafter(y - bound, -inf), np.nextafter(y + bound, inf), texts
 
 
 def _conclude(low: Reals, high: Reals) -> tuple[Verdict, tuple[float, float], int | None]:
@@ -244,14 +245,15 @@ def _bounds(record: IOData | ArrayLike, noise: Noise | float, y: Reals) -> Reals
 def _zeros(
     low: Reals, high: Reals, ends: tuple[float, float]
 ) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-    """Find where the sign of sum_k y_k z^-k is proved to change."""
+    """Find where the sign of sum_k y_k z^-k is proved to change; nowhere where it overflows."""
     count = low.size
     powers = _GRID[:, None] ** -np.arange(float(count))
     rest = _GRID ** -float(count - 1) / (_GRID - 1.0)
-    size = powers @ np.maximum(np.abs(low), np.abs(high)) + rest * max(map(abs, ends))
-    slack = 8.0 * (count + 8) * count * _EPS * size
-    least = powers @ low + rest * ends[0] - slack
-    most = powers @ high + rest * ends[1] + slack
+    with np.errstate(over="ignore", invalid="ignore"):  # then least and most are NaN or infinite
+        size = powers @ np.maximum(np.abs(low), np.abs(high)) + rest * max(map(abs, ends))
+        slack = 8.0 * (count + 8) * count * _EPS * size
+        least = powers @ low + rest * ends[0] - slack
+        most = powers @ high + rest * ends[1] + slack
     sign = np.where(least > 0.0, 1, np.where(most < 0.0, -1, 0))
     known = np.flatnonzero(sign)
     changes = [

@@ -37,6 +37,7 @@ from setid.control.parameters.parameter_set import (
     identified,
     tightened,
 )
+from setid.control.parameters.sums import within_doubles
 from setid.control.references import gain_of_one, with_unit_gain
 from setid.control.transfer import Transfer, as_transfer
 from setid.data.checks import seconds_of
@@ -403,15 +404,17 @@ class Question:
             return None
         try:
             with Deadline(until - time.monotonic()).kept(0.0):  # linear programs look at it
-                return unstable_plant(
-                    self.data,
-                    self.model,
-                    self.noise,
-                    self.controller,
-                    found,
-                    self.integrators,
-                    self.margin,
-                    until,
+                return within_doubles(
+                    lambda: unstable_plant(
+                        self.data,
+                        self.model,
+                        self.noise,
+                        self.controller,
+                        found,
+                        self.integrators,
+                        self.margin,
+                        until,
+                    )
                 )
         except LimitReached:
             return None

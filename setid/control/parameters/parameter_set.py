@@ -26,7 +26,13 @@ from setid.control.engine import (
 )
 from setid.control.parameters.polytope import Polytope
 from setid.control.parameters.rows import NoisyRows, noisy_rows
-from setid.control.parameters.sums import Frame, best_fit, cover_by_sums, first_box
+from setid.control.parameters.sums import (
+    Frame,
+    best_fit,
+    cover_by_sums,
+    first_box,
+    within_doubles,
+)
 
 __all__ = ["ParameterSet", "consistent_set"]
 
@@ -162,7 +168,8 @@ def consistent_set(
     Returns
     -------
     ParameterSet or None
-        None where the data give no finite polytope: the noise is strong.
+        None where the data give no finite polytope: the noise is strong, or squares of the
+        signals are no doubles.
 
     Examples
     --------
@@ -177,19 +184,23 @@ def consistent_set(
     True
     """
     rows = noisy_rows(data, model, noise, integrators)
-    if rows.target.size < rows.basis.shape[1]:
+    if rows.target.size < rows.basis.shape[1] or not rows.squarable:
         return None
-    frame = best_fit(rows)
-    start = first_box(rows, frame, until)
-    prior = _stable_rows(model, integrators, margin)
-    if start is None:
-        start = _start(data, model, noise, margin, rows, frame, box, until)
+
+    def covered() -> ParameterSet | None:
+        frame = best_fit(rows)
+        start = first_box(rows, frame, until)
         if start is None:
-            return None
-    found = ParameterSet(rows, frame, start)
-    if prior is not None:
-        return found.within(*prior, until)
-    return found.part(cover_by_sums(rows, start, frame, until=until))
+            start = _start(data, model, noise, margin, rows, frame, box, until)
+            if start is None:
+                return None
+        found = ParameterSet(rows, frame, start)
+        prior = _stable_rows(model, integrators, margin)
+        if prior is not None:
+            return found.within(*prior, until)
+        return found.part(cover_by_sums(rows, start, frame, until=until))
+
+    return within_doubles(covered)
 
 
 def _start(
@@ -322,4 +333,4 @@ def tightened(known: ParameterSet, result: Identification, until: float = inf) -
     eye, finite = np.eye(len(known.names)), np.isfinite(ends)
     matrix = np.concatenate([eye[finite[:, 1]], -eye[finite[:, 0]]])
     right = np.concatenate([ends[finite[:, 1], 1], -ends[finite[:, 0], 0]])
-    return known.within(frozen(matrix), frozen(right), until)
+    return within_doubles(lambda: known.within(frozen(matrix), frozen(right), until)) or known

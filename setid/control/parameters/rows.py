@@ -14,6 +14,7 @@ from setid.control.engine import DataError, IOData, ModelError, Noise, TransferF
 __all__ = ["NoisyRows", "noisy_rows"]
 
 Reals = NDArray[np.float64]
+_LEAST, _MOST = 1e-150, 1e150  # of signals, whose squares are doubles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +57,13 @@ class NoisyRows:
     def relative(self) -> Reals:
         """Bounds (M,) as fractions of the largest: weights of fits, whose squares are doubles."""
         return np.asarray(self.bound / self.largest, np.float64)
+
+    @property
+    def squarable(self) -> bool:
+        """True if squares of target and regressors are doubles, which error bounds rest on."""
+        columns = np.column_stack([self.target_size, self.regressor_size])
+        largest = columns.max(axis=0, initial=0.0)
+        return bool(np.all((largest == 0.0) | ((largest > _LEAST) & (largest < _MOST))))
 
     def shape_of_noise(self, x: Reals) -> sps.csr_array:
         """Compute coefficients (R, M) of the noise samples at x (q,)."""

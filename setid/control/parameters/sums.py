@@ -11,8 +11,10 @@ rows that hold: nothing proved rests on how they were found.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg as sla
@@ -34,9 +36,11 @@ __all__ = [
     "return_factor",
     "rows_on_box",
     "sums_of",
+    "within_doubles",
 ]
 
 Reals = NDArray[np.float64]
+T = TypeVar("T")
 _EPS = 2.0**-52
 _MOST_WHITE = 300  # whitened rows
 _ROUNDS = 25  # of shrinking the box
@@ -46,6 +50,30 @@ _PROGRAMS = 5  # of a fit with the least largest noise
 _HUGE = 1e50  # of parameters that are tried
 _UNITS = (1e-100, 1e100)  # of noise, in which axes and their products are doubles
 _HALVINGS = 6  # of a step that makes the fit worse
+
+
+def within_doubles(compute: Callable[[], T]) -> T | None:
+    """Compute something; None where a number on the way leaves the doubles.
+
+    Examples
+    --------
+    >>> within_doubles(lambda: np.float64(1e200) * 1e100) == 1e300
+    True
+    >>> within_doubles(lambda: np.float64(1e200) * 1e200) is None
+    True
+    """
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            return compute()
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
+
+
+def _doubles(values: Reals) -> Reals:
+    """Return values, all of them finite: products of sparse matrices overflow in silence."""
+    if not np.all(np.isfinite(values)):
+        raise FloatingPointError("overflow")
+    return values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,7 +226,7 @@ def _tried(rows: NoisyRows, x: Reals) -> tuple[float, Reals]:
         try:
             with np.errstate(all="ignore"):
                 cost, step, _ = _newton(rows, x)
-        except (np.linalg.LinAlgError, ValueError):  # numbers that overflow
+        except (np.linalg.LinAlgError, FloatingPointError):  # numbers that overflow
             return np.inf, x
         if np.isfinite(cost) and np.all(np.isfinite(step)):
             return cost, step
@@ -210,7 +238,7 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
     metric = _newton(rows, x)[2]
     noise = _residual_noise(rows, x)
     clean = rows.regressors - np.stack([slope @ noise for slope in rows.slopes], axis=1)
-    values, vectors = np.linalg.eigh(metric @ clean)
+    values, vectors = np.linalg.eigh(_doubles(metric @ clean))
     if not values[-1] > 0.0:  # signals so small that their squares vanish say nothing of errors
         return np.eye(x.size)
     unit = float(np.clip(rows.largest, *_UNITS))
@@ -220,7 +248,7 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
 def _residual_noise(rows: NoisyRows, x: Reals) -> Reals:
     """Noise (M,) of least squares that explains the rows at x."""
     residual = rows.target + rows.regressors @ x
-    dual = sla.cho_solve_banded((_whitening(rows, x), True), residual)
+    dual = sla.cho_solve_banded((_whitening(rows, x), True), _doubles(residual))
     return np.asarray(rows.relative**2 * (rows.shape_of_noise(x).T @ dual), np.float64)
 
 
@@ -235,7 +263,7 @@ def _newton(rows: NoisyRows, x: Reals) -> tuple[float, Reals, Reals]:
     moved = [slope @ noise for slope in rows.slopes]
     clean = rows.regressors - np.stack(moved, axis=1) if moved else rows.regressors
     inside = _below(factor, clean)
-    step = np.linalg.lstsq(inside, -white, rcond=1e-13)[0]
+    step = np.linalg.lstsq(_doubles(inside), -_doubles(white), rcond=1e-13)[0]
     metric = _above(factor, inside).T
     return float(white @ white), np.asarray(step, np.float64), metric
 
@@ -251,14 +279,14 @@ def _whitening(rows: NoisyRows, x: Reals) -> Reals:
     kept = lower >= 0
     bands = np.zeros((int(lower.max(initial=0)) + 1, covariance.shape[0]))
     bands[lower[kept], covariance.col[kept]] = covariance.data[kept]
-    mean = float(bands[0].mean())
+    mean = float(_doubles(bands)[0].mean())
     bands[0] += 1e-10 * mean if mean > 0.0 else 1.0  # without noise all rows weigh the same
     return np.asarray(sla.cholesky_banded(bands, lower=True), np.float64)
 
 
 def _below(factor: Reals, right: Reals) -> Reals:
     """Solve L z = right for a factor L that is given by its diagonals."""
-    return np.asarray(sla.solve_banded((len(factor) - 1, 0), factor, right), np.float64)
+    return np.asarray(sla.solve_banded((len(factor) - 1, 0), factor, _doubles(right)), np.float64)
 
 
 def _above(factor: Reals, right: Reals) -> Reals:
@@ -267,7 +295,7 @@ def _above(factor: Reals, right: Reals) -> Reals:
     upper = np.zeros_like(factor)
     for lag, diagonal in enumerate(factor):
         upper[len(factor) - 1 - lag, lag:] = diagonal[: size - lag]
-    return np.asarray(sla.solve_banded((0, len(factor) - 1), upper, right), np.float64)
+    return np.asarray(sla.solve_banded((0, len(factor) - 1), upper, _doubles(right)), np.float64)
 
 
 # ---- boxes ------------------------------------------------------------------------------
@@ -291,7 +319,7 @@ def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | N
         In z; contains every consistent one. None where the noise is too strong.
     """
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
-    inverse = np.linalg.pinv(metric @ rows.regressors @ frame.axes) @ metric
+    inverse = np.linalg.pinv(_doubles(metric @ rows.regressors @ frame.axes)) @ metric
     found = _contraction(rows, frame, inverse)
     return found or _contraction(rows, frame, _least_noise_inverse(rows, frame, until))
 
@@ -331,7 +359,7 @@ def return_factor(rows: NoisyRows, frame: Frame) -> float:
     frame : Frame
     """
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
-    inverse = np.linalg.pinv(metric @ rows.regressors @ frame.axes) @ metric
+    inverse = np.linalg.pinv(_doubles(metric @ rows.regressors @ frame.axes)) @ metric
     coupling = _coupling(sums_of(rows, inverse, frame))
     return float(np.abs(np.linalg.eigvals(coupling)).max())
 

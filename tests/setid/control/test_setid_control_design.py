@@ -297,3 +297,26 @@ def test_a_measured_record_where_the_noise_decides_whether_there_are_controllers
         options={"maxiter": 60},
     )
     assert 0.277 < smallest.fun <= 0.33
+
+
+@pytest.mark.parametrize(("input_", "output"), [(900, 900), (0, 300), (600, 0), (-900, 0)])
+def test_far_units_of_a_record_keep_the_ideal_controller(input_: int, output: int) -> None:
+    """Powers of two: y = P r and s = K y stay exact; squares of the signals overflow or vanish."""
+    r = np.random.default_rng(0).choice([-1.0, 1.0], 20)
+    P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.5], [1, -0.5])
+    data = setid.IOData(r * 2.0**input_, P.simulate(r) * 2.0**output)
+    options = setid.Options(time_limit=0.2, progress=False)
+    found = control.design(data, M, control.LTI(1), 2.0 ** (output - 8), options=options)
+    for name, value in {"a1": -1.0, "b0": 0.5, "b1": -0.25}.items():
+        size = 1.0 if name == "a1" else 2.0 ** (input_ - output)
+        assert found.intervals[name].outer[0] <= value * size <= found.intervals[name].outer[1]
+    assert found.result.verify()
+
+
+def test_a_noise_bound_beyond_all_sense_bounds_no_controller() -> None:
+    r = np.random.default_rng(0).uniform(-1, 1, 20)
+    P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    data = setid.IOData(r, P.simulate(r))
+    options = setid.Options(time_limit=0.2, progress=False)
+    found = control.design(data, M, control.LTI(1), 1e308, options=options)
+    assert not found.empty and found.help

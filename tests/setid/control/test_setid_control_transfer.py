@@ -345,3 +345,18 @@ def test_factors_that_are_none_modulo_the_prime_are_found() -> None:
     for top, below in ((small, other), (other, small)):
         kept = control.Transfer(times(top, one), times(below, one)).reduced()
         assert kept.order == 1
+
+
+def test_responses_of_far_coefficients_do_not_overflow() -> None:
+    """K P / (1 + K P) is 1 up to 1e-300 where K is that large; 1e308 / (1 + 1e308 q^-1) is q."""
+    P = control.Transfer([0, 1], [1, -0.5])
+    loop = control.references.closed_loop(control.Transfer([1e308, -5e307], [1, -1]), P)
+    omega = np.array([0.1, 1.0, 3.0])
+    np.testing.assert_allclose(loop.response(omega), 1.0, rtol=1e-12)
+    steep = control.Transfer([1e308], [1, 1e308])
+    np.testing.assert_allclose(steep.response(omega), np.exp(1j * omega), rtol=1e-12)
+
+
+def test_exact_simulations_beyond_all_doubles_are_refused() -> None:
+    with pytest.raises(setid.SetidError, match="u: found inputs whose response is beyond"):
+        simulate_exactly(control.Transfer([1], [1, -1]), [1.7e308, 1.7e308])

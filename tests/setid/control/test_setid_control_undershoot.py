@@ -172,3 +172,16 @@ def test_specifications_are_kept(more: dict) -> None:
     assert np.abs(quotient[1]).max() < 1e-12  # type zeros at z = 1
     for zero in spec.zeros:
         assert np.abs(found.model.zeros - zero).min() < 1e-5
+
+
+@pytest.mark.parametrize("size", [2.0**1020, 2.0**-1000])
+def test_units_of_the_output_do_not_change_what_is_proved(size: float) -> None:
+    """Zero at z = 1.5; a noise bound beside which the response is nothing proves nothing."""
+    y = control.Transfer([0, -0.5, 0.75], [1, -0.75]).simulate([1.0] * 40)
+    found, plain = control.undershoot(y * size, 0.01 * size), control.undershoot(y, 0.01)
+    assert found.verdict == plain.verdict == "present" and found.verify()
+    assert found.depth[0] <= 0.5 * size <= found.depth[1]
+    for low, high in found.zeros:
+        assert low < 1.5 < high
+    strong = control.undershoot(y, 1e308, tail=(-1e308, 1e308))
+    assert strong.verdict == "open" and not strong.zeros and strong.verify()
