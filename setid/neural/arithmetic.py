@@ -23,8 +23,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
-from functools import cache
+from functools import cache, wraps
 from math import factorial
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +47,7 @@ __all__ = [
     "linearise",
     "matmul",
     "nowhere_above",
+    "quiet_overflow",
     "require_ieee",
     "row_sums",
     "slope_at",
@@ -55,12 +57,33 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
+P = ParamSpec("P")
+T = TypeVar("T")
 ACTIVATIONS = ("tanh", "sigmoid", "relu", "leaky_relu", "identity", "algebraic")
 _BITS = 400  # of the rationals that make the table
 _STEPS = 64  # entries of the table for a unit of y
 _LARGEST = 40  # beyond it exp(-y) is enclosed by [0, exp(-40)]
 _WIDEN = 2.0**-50
 _DEGREE = 7
+
+
+def quiet_overflow(function: Callable[P, T]) -> Callable[P, T]:
+    """Keep numpy from warning where numbers leave the doubles, which then prove nothing.
+
+    Infinite ends and NaN are what every check of this room takes as no bound.
+
+    Examples
+    --------
+    >>> float(quiet_overflow(lambda size: np.float64(size) * size)(1e308))
+    inf
+    """
+
+    @wraps(function)
+    def quiet(*args: P.args, **kwargs: P.kwargs) -> T:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return function(*args, **kwargs)
+
+    return quiet
 
 
 # ---- exponential --------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from functools import wraps
 from typing import TypeVar
 
 from setid import ParameterInterval, SetidError, Verification
+from setid.neural.arithmetic import quiet_overflow
 
 __all__ = ["Status", "agreed", "same_intervals", "verdict"]
 
@@ -97,7 +98,7 @@ def verdict(verify: Callable[[Self], Verification]) -> Callable[[Self], Verifica
     @wraps(verify)
     def checked(self: Self) -> Verification:
         try:
-            return verify(self)
+            return quiet_overflow(verify)(self)
         except (SetidError, ValueError, TypeError, LookupError, AttributeError) as error:
             return Verification(False, f"the fields do not fit each other: {error}")
 

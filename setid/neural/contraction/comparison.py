@@ -128,7 +128,8 @@ def norm(matrix: Reals, kind: str) -> float:
         return float(np.max(row_sums(matrix), initial=0.0))
     wide = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
     square = matmul(Interval.point(wide), Interval.point(wide.T))
-    guess = float(np.linalg.norm(wide, 2)) ** 2 * (1.0 + 1e-9) + 1e-300
+    size = float(np.linalg.norm(wide, 2))
+    guess = size * size * (1.0 + 1e-9) + 1e-300
     rest = Interval.point(guess * np.eye(len(wide))) - square
     if surely_semidefinite(rest):
         return float(up(np.sqrt(guess)))

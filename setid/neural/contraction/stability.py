@@ -12,7 +12,7 @@ import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.data.checks import natural, number, real_array, switch
 from setid.data.digits import all_digits
-from setid.neural.arithmetic import Interval, at_least, down, require_ieee, up
+from setid.neural.arithmetic import Interval, at_least, down, quiet_overflow, require_ieee, up
 from setid.neural.contraction.comparison import (
     Comparison,
     comparisons,
@@ -131,6 +131,7 @@ class Stability:
             )
         return condition
 
+    @quiet_overflow
     def distance(
         self,
         steps: int,
@@ -172,6 +173,7 @@ class Stability:
             values.append(value)
         return np.asarray(up(show * np.array(values)), np.float64)
 
+    @quiet_overflow
     def limit(
         self, inputs: float = 0.0, errors: float = 0.0, condition: Condition | None = None
     ) -> float:
@@ -186,6 +188,7 @@ class Stability:
         _, drive, show = _scales(found, inputs, errors)
         return float(up(show * up(drive / down(1.0 - found.rate))))
 
+    @quiet_overflow
     def output_distance(
         self, steps: int, initial: float, inputs: float = 0.0, errors: float = 0.0
     ) -> Reals:
@@ -237,6 +240,7 @@ class Stability:
         return f"<Stability: {self.status}, {self.best!r}>"
 
 
+@quiet_overflow
 def stability(net: Model, inputs: ArrayLike | IOData | None = None, lmi: bool = True) -> Stability:
     """Prove incremental input-to-state stability by norm conditions and one LMI.
 

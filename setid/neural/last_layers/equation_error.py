@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 from setid.data.checks import real_array
-from setid.neural.arithmetic import Interval, at_least, nowhere_above, require_ieee, up
+from setid.neural.arithmetic import (
+    Interval,
+    at_least,
+    nowhere_above,
+    quiet_overflow,
+    require_ieee,
+    up,
+)
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed, verdict
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -46,6 +53,7 @@ class EquationError:
     high: Reals
     row: NDArray[np.int64]
 
+    @quiet_overflow
     def band(self, error: float | Reals | None = None) -> tuple[Reals, Reals]:
         """Bound readings one step ahead, if the plant is the network with a bounded error.
 
@@ -101,6 +109,7 @@ def rows_of(net: RegressorNetwork, data: IOData) -> tuple[Reals, NDArray[np.int6
     return phi, row
 
 
+@quiet_overflow
 def equation_error(net: RegressorNetwork, data: IOData) -> EquationError:
     """Enclose the least equation error of a network on a record.
 

@@ -40,7 +40,15 @@ from setid import (
 from setid.data.checks import FrozenMapping, frozen, natural, number, seconds_of
 from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound
-from setid.neural.arithmetic import Interval, at_least, down, nowhere_above, require_ieee, up
+from setid.neural.arithmetic import (
+    Interval,
+    at_least,
+    down,
+    nowhere_above,
+    quiet_overflow,
+    require_ieee,
+    up,
+)
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
     Rows,
@@ -207,6 +215,7 @@ class LastLayer:
         theta = np.array([item.inside[0] for item in self.sets])
         return self.net.network.with_last_layer(theta[:, :-1], theta[:, -1])
 
+    @quiet_overflow
     def members(self, count: int, seed: int = 0) -> Reals:
         """Draw members by hit and run; each is proved to explain the record.
 
@@ -232,6 +241,7 @@ class LastLayer:
         drawn = [_walk(part, item, count, rng) for part, item in zip(rows, self.sets, strict=True)]
         return np.stack(drawn, axis=1)
 
+    @quiet_overflow
     def band(self, data: IOData | None = None, time_limit: float = 60.0) -> LayerBand:
         """Bound the one-step predictions of all members.
 
@@ -274,6 +284,7 @@ class LastLayer:
         return f"<LastLayer: {len(self.intervals)} parameters, {self.status}: {items}, ...>"
 
 
+@quiet_overflow
 def last_layer(
     net: RegressorNetwork,
     data: IOData,
@@ -360,6 +371,8 @@ def _noise_of(net: RegressorNetwork, data: IOData, factor: float, until: float) 
         raise NoiseError(f"noise: found None, expected a bound: {over} before the least was known")
     least = np.maximum(found, [1e-12 * np.max(np.abs(p.target)) for p in parts])
     bound = least * factor
+    if not np.all(np.isfinite(bound)):
+        raise NoiseError(f"factor: found {factor!r}, whose bound is beyond all doubles")
     times = all_digits(factor)
     text = f"{times} times the least that explains this record, {', '.join(map(all_digits, bound))}"
     return Noise(equation=EstimatedBound(frozen(bound), frozen(np.zeros(bound.size)), text))

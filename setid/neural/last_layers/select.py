@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -9,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from setid import IOData, ModelError
-from setid.data.checks import entries_of
+from setid import IOData, ModelError, NoiseError, SetidError
+from setid.data.checks import entries_of, seconds_of
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.models.regressor import NNARX
 from setid.neural.training.train import initial, train
@@ -18,6 +19,8 @@ from setid.options import check_executor
 from sparsepop_py.executors.dispatch import map_in_order
 
 __all__ = ["Candidate", "NetworkSelection", "select"]
+
+_LONGEST = 60.0  # seconds for one last layer, and for its band
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +64,8 @@ class NetworkSelection:
     ----------
     chosen : Candidate
     log : tuple of Candidate
-        All structures, in the order in which they were tried; after Ctrl-C those that are done.
+        All structures, in the order in which they were tried; after Ctrl-C or the time limit
+        those that are done.
     """
 
     chosen: Candidate
@@ -78,6 +82,7 @@ def select(
     starts: int = 3,
     seed: int = 0,
     executor: Executor | None = None,
+    time_limit: float = 600.0,
 ) -> NetworkSelection:
     """Choose order and width by the narrowest proved band that no reading falsifies.
 
@@ -94,6 +99,9 @@ def select(
         Of the training.
     executor : concurrent.futures.Executor, optional
         Trains and judges each structure as a task of its own; the selection is the same.
+    time_limit : float
+        Seconds for all structures together: none is begun when they are over, and linear programs
+        end then. Training under way may take longer.
 
     Returns
     -------
@@ -103,8 +111,8 @@ def select(
 
     Raises
     ------
-    ModelError
-        If there is nothing to choose from.
+    ModelError, SetidError
+        If there is nothing to choose from, or no structure is done within the limit.
 
     Examples
     --------
@@ -117,13 +125,18 @@ def select(
     (2, 1)
     """
     check_executor(executor)
-    settings = (data, validation, factor, activation, starts, seed)
+    until = time.time() + seconds_of(time_limit)  # the clock of all processes
+    settings = (data, validation, factor, activation, starts, seed, until)
     known = entries_of(orders, "orders", "a list of integers", ModelError)
     sizes = entries_of(widths, "widths", "a list of integers", ModelError)
     tasks = [(order, width, settings) for order in known for width in sizes]
+    if not tasks:
+        raise ModelError("orders, widths: found no structure, expected at least one")
     log = _tried_all(executor, tasks)
     if not log:
-        raise ModelError("orders, widths: found no structure, expected at least one")
+        raise SetidError(
+            f"time_limit: found no structure that is done within {time_limit!r} s, expected more"
+        )
     chosen = min(log, key=lambda item: (item.outside, item.band_width))
     return NetworkSelection(chosen, tuple(log))
 
@@ -131,34 +144,51 @@ def select(
 def _tried_all(executor: Executor | None, tasks: list[tuple[Any, ...]]) -> list[Candidate]:
     """Try structures in turn; Ctrl-C keeps those that are done."""
     if executor is not None:
-        return map_in_order(executor, _tried, tasks)
+        return [item for item in map_in_order(executor, _tried, tasks) if item is not None]
     log: list[Candidate] = []
     try:
         for task in tasks:
-            log.append(_tried(task))
+            done = _tried(task)
+            if done is None:
+                break
+            log.append(done)
     except KeyboardInterrupt:
         if not log:
             raise
     return log
 
 
-def _tried(task: tuple[int, int, tuple[Any, ...]]) -> Candidate:
-    """Train and judge one structure; in a worker process if there is an executor."""
-    order, width, (data, validation, factor, activation, starts, seed) = task
+def _tried(task: tuple[int, int, tuple[Any, ...]]) -> Candidate | None:
+    """Train and judge one structure, in a worker if there is an executor; None without time."""
+    order, width, (data, validation, factor, activation, starts, seed, until) = task
+    if time.time() >= until:
+        return None
     guess = initial(data, order, [width], activation, seed)
     assert isinstance(guess, NNARX)
     trained = train(guess, data, starts=starts)
     assert isinstance(trained.net, NNARX)
-    return _judge(trained.net, data, validation, order, width, factor)
+    if time.time() >= until:
+        return None
+    try:
+        result = last_layer(trained.net, data, factor=factor, time_limit=_left(until))
+    except NoiseError:  # the least noise bound is not known in time
+        if time.time() < until:
+            raise
+        return None
+    return _judge(result, validation, order, width, _left(until))
+
+
+def _left(until: float) -> float:
+    return min(max(until - time.time(), 0.0), _LONGEST)
 
 
 def _judge(
-    net: NNARX, data: IOData, validation: IOData, order: int, width: int, factor: float
+    result: LastLayer, validation: IOData, order: int, width: int, seconds: float
 ) -> Candidate:
-    result = last_layer(net, data, factor=factor)
-    band = result.band(validation)
+    band = result.band(validation, seconds)
     outside = len(band.outside)
     text = "falsified by the validation record" if outside else "consistent"
     text = text if np.isfinite(band.width) else "no finite band was proved"
-    least = float(result.upper_bound.max()) * float(max(result.noise.bounds(data)[2].max(), 0.0))
+    bounds = result.noise.bounds(result.data)[2]
+    least = float(result.upper_bound.max()) * float(max(bounds.max(), 0.0))
     return Candidate(order, width, result, least, band.width, outside, text)

@@ -26,6 +26,7 @@ from setid.neural.arithmetic import (
     at_least,
     down,
     matmul,
+    quiet_overflow,
     require_ieee,
     row_sums,
     up,
@@ -127,6 +128,7 @@ def _apart(y: Reals, low: Reals, high: Reals) -> float:
     return float(max(np.nanmax(gap, initial=0.0), 0.0))
 
 
+@quiet_overflow
 def output_error(
     net: Model, data: IOData, x0_box: ArrayLike, tolerance: float = 1e-3, nodes: int = 200
 ) -> OutputError:

@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
-from setid.neural.arithmetic import Interval, at_least, down, enclose, require_ieee, up
+from setid.neural.arithmetic import (
+    Interval,
+    at_least,
+    down,
+    enclose,
+    quiet_overflow,
+    require_ieee,
+    up,
+)
 from setid.neural.models.network import Network, finite_array
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
@@ -99,6 +107,7 @@ class SimulationBand:
         return f"<SimulationBand: {len(self.low)} samples, {self.status}{last}>"
 
 
+@quiet_overflow
 def simulate_band(net: Model, data: IOData, x0: ArrayLike | None = None) -> SimulationBand:
     """Enclose the simulated outputs of a network for all initial states in a box.
 

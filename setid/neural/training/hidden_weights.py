@@ -32,9 +32,9 @@ from setid import (
     ParameterInterval,
     Verification,
 )
-from setid.data.checks import FrozenMapping, frozen, number, switch
+from setid.data.checks import FrozenMapping, frozen, number, seconds_of, switch
 from setid.data.digits import all_digits
-from setid.neural.arithmetic import activate, require_ieee, up
+from setid.neural.arithmetic import activate, quiet_overflow, require_ieee, up
 from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
@@ -151,6 +151,7 @@ class HiddenWeights:
         return f"<HiddenWeights: {len(self.intervals)} parameters, {self.status}: {items}, ...>"
 
 
+@quiet_overflow
 def hidden_weights(
     net: RegressorNetwork,
     data: IOData,
@@ -186,8 +187,9 @@ def hidden_weights(
 
     Raises
     ------
-    ModelError, DataError, NoiseError
-        If the structure is not covered, or network, record and noise do not fit.
+    ModelError, DataError, NoiseError, SetidError
+        If the structure is not covered, network, record and noise do not fit, or the limit is no
+        number of at least 0.
 
     Examples
     --------
@@ -211,14 +213,14 @@ def hidden_weights(
     weights = number(weights, "weights", ModelError)
     if not 0 < weights < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
-    number(time_limit, "time_limit", ModelError)
+    seconds = seconds_of(time_limit)
     bound = _bound(net, data, noise)
     if hidden_layer(net).activation[0] in SMOOTH:
-        found = smooth_hidden_weights(net, data, bound, float(weights), time_limit)
+        found = smooth_hidden_weights(net, data, bound, float(weights), seconds)
         stated = noise.assumptions if isinstance(noise, Noise) else ()
         return replace(found, assumptions=(*found.assumptions, *stated))
     task = _Task.of(net, data, bound, float(weights))
-    until = time.monotonic() + time_limit
+    until = time.monotonic() + seconds
     choices = []
     options = _signs(task.width)
     for index, signs in enumerate(options):

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
 from setid.data.checks import entries_of, natural, word
-from setid.neural.arithmetic import ACTIVATIONS, activate, slope_at
+from setid.neural.arithmetic import ACTIVATIONS, activate, quiet_overflow, slope_at
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.recurrent import NeuralStateSpace
@@ -60,6 +60,7 @@ class Trained:
         )
 
 
+@quiet_overflow
 def initial(
     data: IOData,
     order: int,
@@ -120,6 +121,7 @@ def initial(
     return kind(Network(weights, biases, activation), order, data.inputs)
 
 
+@quiet_overflow
 def train(
     net: Model,
     data: IOData,

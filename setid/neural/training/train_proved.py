@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
-from setid.data.checks import natural, number, word
-from setid.neural.arithmetic import activate, require_ieee, up
+from setid.data.checks import natural, number, seconds_of, word
+from setid.neural.arithmetic import activate, quiet_overflow, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
@@ -122,6 +122,7 @@ class ProvedTraining:
         return f"<ProvedTraining: least error in {ends}, {self.nodes} nodes, {self.status}>"
 
 
+@quiet_overflow
 def train_proved(
     net: RegressorNetwork,
     data: IOData,
@@ -159,8 +160,8 @@ def train_proved(
 
     Raises
     ------
-    ModelError
-        If the structure is not covered.
+    ModelError, SetidError
+        If the structure is not covered, or a tolerance or limit is negative.
 
     Examples
     --------
@@ -179,8 +180,9 @@ def train_proved(
     if not 0 < number(weights, "weights", ModelError) < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     natural(nodes, "nodes", ModelError)
-    number(tolerance, "tolerance", ModelError)
-    y, until = data.y[row, 0], time.monotonic() + number(time_limit, "time_limit", ModelError)
+    if not 0.0 <= number(tolerance, "tolerance", ModelError) < np.inf:
+        raise ModelError(f"tolerance: found {tolerance!r}, expected a number >= 0")
+    y, until = data.y[row, 0], time.monotonic() + seconds_of(time_limit)
     if word(method, "method", ("patterns", "engine"), ModelError) == "engine":
         return _by_engine(net, data, phi, y, float(weights), tolerance, until)
     if inner.activation[0] in _PIECEWISE:
@@ -212,7 +214,7 @@ def _summed(network: Network, weights: float) -> float:
 
 def _cap(y: Reals) -> float:
     """The error of the best constant, rounded up."""
-    return float(up(up(np.max(y) - np.min(y)) * 0.5000001)) + 1e-300
+    return float(up(up(0.5 * np.max(y) - 0.5 * np.min(y)) * 1.0000002)) + 1e-300
 
 
 def _program(
@@ -385,9 +387,9 @@ class _Best:
             np.zeros((width, d)),
             np.zeros(width),
             np.ones(width),
-            0.5 * float(np.max(y) + np.min(y)),
+            float(0.5 * np.max(y) + 0.5 * np.min(y)),
         )
-        self.value = 0.5 * float(np.max(y) - np.min(y))
+        self.value = float(0.5 * np.max(y) - 0.5 * np.min(y))
         self.scale = self.value
         self.seen: set[bytes] = set()
 
@@ -521,6 +523,6 @@ def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
         return trial
     return Network(
         [first * 0.0, last[None] * 0.0],
-        [bias * 0.0, [0.5 * float(y.max() + y.min())]],
+        [bias * 0.0, [float(0.5 * y.max() + 0.5 * y.min())]],
         network.activation,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
@@ -495,3 +496,76 @@ def test_no_more_members_are_drawn_than_memory_holds() -> None:
     for count in (10**30, 0):
         with pytest.raises(setid.ModelError, match="count: found"):
             found.members(count)
+
+
+def test_selections_end_with_their_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that advances an hour with each structure that is trained."""
+    _, data = plant(40, 0.05)
+    usual, clock = select.train, SimpleNamespace(now=0.0, monotonic=time.monotonic)
+    clock.time = lambda: clock.now
+
+    def train(*arguments: Any, **options: Any) -> neural.Trained:
+        clock.now += 3600.0
+        return usual(*arguments, **options)
+
+    monkeypatch.setattr(select, "time", clock)
+    monkeypatch.setattr(select, "train", train)
+    parts = {"orders": [1], "widths": [1, 2, 3], "starts": 1}
+    found = neural.select(*data.split(25), **parts, time_limit=5400.0)
+    assert [item.width for item in found.log] == [1]
+    assert found.chosen.result.verify()
+    for limit in (0.0, 1800.0):
+        with pytest.raises(setid.SetidError, match="time_limit: found no structure that is done"):
+            neural.select(*data.split(25), **parts, time_limit=limit)
+    with pytest.raises(setid.SetidError, match="time_limit: found -1, expected seconds >= 0"):
+        neural.select(*data.split(25), **parts, time_limit=-1)
+
+
+def test_negative_tolerances_and_limits_of_trainings_are_refused() -> None:
+    net, data = ramp()
+    with pytest.raises(setid.ModelError, match="tolerance: found -0.1, expected a number >= 0"):
+        neural.train_proved(net, data, tolerance=-0.1)
+    for call in (neural.train_proved, lambda *a, **b: neural.hidden_weights(*a, 1.0, **b)):
+        with pytest.raises(setid.SetidError, match="time_limit: found -1, expected seconds >= 0"):
+            call(net, data, time_limit=-1)
+
+
+@pytest.mark.parametrize("power", [1020, 520, -520, -1040])
+def test_far_units_give_bounds_that_hold_and_no_warnings(power: int) -> None:
+    """y = 2 max(u, 0) + error: powers of two are units in which nothing is rounded."""
+    size, u = 2.0**power, np.array([3.0, -2.0, 1.0, -1.0, 2.0, 0.0])
+    error = np.array([0.5, -0.5, 0.25, 0.5, -0.5, 0.0])
+    data = setid.IOData(u * size, (2.0 * np.maximum(u, 0.0) + error) * size)
+    net, noise = ramp()[0], setid.Noise(equation=0.5 * size)
+    layer = neural.last_layer(net, data, noise)
+    weights = neural.hidden_weights(net, data, noise, time_limit=0.1)
+    for interval, value in [
+        (layer.intervals["w1"], 2.0),
+        (layer.intervals["b"], 0.0),
+        (weights.intervals["w1_2"], 2.0),
+        (weights.intervals["c"], 0.0),
+    ]:
+        assert interval.outer[0] <= value <= interval.outer[1]
+    trained = neural.train_proved(net, data, time_limit=0.1)
+    assert trained.lower_bound <= 0.5 * size
+    for found in (layer, layer.band(), weights, trained):
+        assert found.verify()
+    assert not len(layer.band().outside)
+
+
+@pytest.mark.parametrize("size", [1e155, 1e308])
+def test_weights_whose_squares_overflow_leave_stability_open(size: float) -> None:
+    gate = ([[size]], [[size]], [0.0])
+    for net in (
+        neural.Elman([([[size]], [[size]], [0.0])]),
+        neural.LSTM(gate, gate, gate, gate),
+        neural.GRU(gate, gate, gate),
+    ):
+        found = neural.stability(net, lmi=False)
+        assert found.status is neural.Status.OPEN and found.verify()
+
+
+def test_factors_beyond_all_doubles_are_refused() -> None:
+    net, data = ramp()
+    with pytest.raises(setid.NoiseError, match="factor: found 1e\\+308, whose bound is beyond"):
+        neural.last_layer(net, setid.IOData(data.u, 3.0 * data.y**2), factor=1e308)
