@@ -90,7 +90,7 @@ def test_messages_name_the_file_and_its_fault(
 
 def test_files_of_scip_without_variables_are_named(tmp_path: Path) -> None:
     pytest.importorskip("pyscipopt")
-    (tmp_path / "f.pip").write_text("garbage here")
+    (tmp_path / "f.pip").write_text("Minimize\n obj: 0\nSubject to\nEnd\n")
     with pytest.raises(sp.FormatError, match=r"f.pip: found no variables"):
         sp.read(tmp_path / "f.pip")
 
