@@ -28,7 +28,7 @@ _CODES = """exit codes:
   1  a claim does not follow, and why
   2  the input is wrong (the message is on standard error)
 
-The program checker/ of the source distribution checks the same file, as
+The program checker/ of the source distribution checks files of --certificate as well, as
   python checker/check.py --record RECORD.csv FILE.json
 and takes the same options. It shares no code.
 """

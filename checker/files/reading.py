@@ -103,7 +103,12 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     version = whole(item(found, "version", place), f"{place}.version")
     if version not in VERSIONS.get(name, ()):
         raise Malformed(f"{place}: {name!r:.40} of version {version} is not known")
-    name = text(item(found, "is", place), f"{place}.is")
+    whose, name = name, text(item(found, "is", place), f"{place}.is")
+    if whose == "setid" and name != "identification":
+        raise Malformed(
+            f"{place} holds a {name!r:.40} of setid, as its to_json writes it; this program reads "
+            "what setid identify --certificate writes"
+        )
     if name.startswith("rational_") and version < 4:
         raise Malformed(f"{place}: {name!r:.40} in a file of version {version}")
     return name, item(found, name, place)

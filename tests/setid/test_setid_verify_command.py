@@ -43,6 +43,17 @@ def test_both_checkers_confirm_the_file(
     assert done.returncode == 0 and "a1" in done.stdout
 
 
+@pytest.mark.parametrize("words", [[], ["--record", "record.csv"]])
+def test_the_second_checker_names_the_file_that_it_reads(words: list[str], tmp_path: Path) -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    out = tmp_path / "out.json"
+    out.write_text(result.to_json())
+    asked = [sys.executable, str(ROOT / "checker/check.py"), *words, str(out)]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "setid identify --certificate" in done.stdout
+
+
 @pytest.mark.parametrize("rows", slow_after(2, ["1:", "1:4", ":-1"]))
 def test_both_checkers_take_the_part_that_was_identified(
     rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
