@@ -210,7 +210,7 @@ def _default_columns(arguments: argparse.Namespace) -> tuple[str | int, str | in
             f"{arguments.record}: found {len(names)} columns without names, expected two, an input "
             "and an output; say which by --input and --output, numbers from 0"
         )
-    return 0, 1
+    return names[0], names[1]
 
 
 def _parts(

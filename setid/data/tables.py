@@ -147,6 +147,9 @@ def has_names(path: PathLike, decimal: str = ".", header: int | None = None) -> 
 def column_names(path: PathLike, decimal: str = ".", header: int | None = None) -> list[str | int]:
     """List the columns of a table by their names, or by numbers from 0 where there are none.
 
+    Without names, columns that are empty in every line are left out, such as the one that a
+    separator at the end of each line leaves.
+
     Parameters
     ----------
     path, decimal, header
@@ -157,14 +160,19 @@ def column_names(path: PathLike, decimal: str = ".", header: int | None = None) 
     DataError
         If there is no table, or its first line is half names and half numbers.
     """
-    lines = _lines(path, decimal)
-    line = next(((n, line) for n, line in lines if not _is_comment(line)), None)
-    if line is None:
+    lines = [(number, line) for number, line in _lines(path, decimal) if not _is_comment(line)]
+    if not lines:
         raise DataError(f"{path}: found no lines, expected a table of numbers")
-    fields = _fields(path, *line, _separator(line[1], decimal))
-    if _header_lines(path, (line[0], fields), decimal, header):
+    separator = _separator(lines[0][1], decimal)
+    fields = _fields(path, *lines[0], separator)
+    if _header_lines(path, (lines[0][0], fields), decimal, header):
         return [field.strip() for field in fields]
-    return list(range(len(fields)))
+    rows = [fields, *(_fields(path, *line, separator) for line in lines[1:])]
+    return [
+        k
+        for k in range(len(fields))
+        if any(field.strip() for row in rows for field in row[k : k + 1])
+    ]
 
 
 # ---- lines and fields -------------------------------------------------------------------

@@ -99,6 +99,17 @@ def test_columns_by_name_and_number(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["identify", str(path), *bounds]) == cli.EXIT_PROVED
 
 
+@pytest.mark.parametrize(("before", "after"), [("", "\t"), ("\t", "")])
+def test_separators_around_each_line_make_no_third_column(
+    before: str, after: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Files of benchmarks end each line with a tab."""
+    path, samples = tmp_path / "record.dat", ["4\t0", "-3\t-6.25", "2\t1.175", "1\t2.0875"]
+    path.write_text("".join(f"{before}{line}{after}\n" for line in samples))
+    assert main(["identify", str(path), *FIRST, "--equation-noise", "0.5"]) == cli.EXIT_PROVED
+    assert "-0.5232" in capsys.readouterr().out
+
+
 def test_columns_without_names_are_not_guessed_among_three(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
