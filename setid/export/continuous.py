@@ -131,9 +131,14 @@ def to_continuous(
     """
     check_result(result)
     model = result.formulation.model
-    if (model.inputs, model.outputs) != (1, 1) or coefficients_of(model, 1, 1).continuous:
+    if (model.inputs, model.outputs) != (1, 1):
         raise ModelError(
-            "result: expected a discrete transfer function of one input and one output; "
+            f"result: found (inputs, outputs) = ({model.inputs}, {model.outputs}), expected a "
+            "discrete transfer function of one input and one output"
+        )
+    if coefficients_of(model, 1, 1).continuous:
+        raise ModelError(
+            "result: found a continuous-time structure, expected a discrete transfer function; "
             "continuous-time structures have physical parameters already"
         )
     word(method, "method", _CONVERT, SetidError)

@@ -139,6 +139,8 @@ def ureal_script(result: FeasibleSet) -> str:
     ]
     if block:
         lines.insert(2, "% G is the linear block: static maps and feedback are left out.")
+    elif left_out := [name for name in formulation.parameters if name not in used]:
+        lines.insert(2, f"% Left out of G: {', '.join(left_out)}.")
     for name in dict.fromkeys(used):
         low, high = result.intervals[name].outer
         own = _identifier(name)

@@ -148,6 +148,16 @@ def test_a_script_for_robust_control(tmp_path: Path) -> None:
     assert set(found) == {"a1", "b1"} and text.endswith("G = tf([0 b1], [1 a1], 0.25);\n")
 
 
+def test_a_script_names_what_is_not_in_its_model(tmp_path: Path) -> None:
+    data = setid.IOData([1, 0, -1, 1, 2, 0], [0, 1.1, 0.2, -0.7, 1, 2.2])
+    model = setid.TransferFunction(na=0, nb=1, nk=1, offset=True)
+    result = setid.identify(data, model, setid.Noise(equation=0.5))
+    text = setid.to_ureal(result, tmp_path / "model.m").read_text(encoding="utf-8")
+    assert "\n% Left out of G: c.\n" in text and text.endswith("G = tf([0 b1], [1 0], 1);\n")
+    without = setid.to_ureal(first_order(), tmp_path / "model.m").read_text(encoding="utf-8")
+    assert "Left out" not in without
+
+
 def test_scripts_of_several_channels_and_of_continuous_time(tmp_path: Path) -> None:
     model = setid.TransferFunction([[1, 1]], [[1, 1]], 0, inputs=2)
     u = np.random.default_rng(0).uniform(-1, 1, (20, 2))

@@ -93,3 +93,13 @@ def test_what_has_no_image_is_refused() -> None:
     physical = result(setid.ContinuousTransferFunction(1, 0), [1.0, 1.0])
     with pytest.raises(setid.ModelError, match="expected a discrete transfer function"):
         setid.to_continuous(physical)
+    wide = setid.TransferFunction(1, 1, inputs=2, common_denominator=True)
+    formulation = setid.formulate(
+        setid.IOData([[1, 2], [2, 1], [0, 1]], [0.0, 1, 2]), wide, setid.Noise(equation=9.0)
+    )
+    intervals = {
+        n: ParameterInterval(n, (0.0, 0.0), None, IntervalStatus.PARTIAL)
+        for n in formulation.parameters
+    }
+    with pytest.raises(setid.ModelError, match=r"found \(inputs, outputs\) = \(2, 1\), expected"):
+        setid.to_continuous(result_of(formulation, intervals))
