@@ -103,6 +103,14 @@ class OutputBand:
         return np.asarray(holds_all | unknown, np.bool_)
 
     @property
+    def tested(self) -> NDArray[np.bool_]:
+        """Readings that the band is about, shape (N, ny): neither missing nor of the first samples.
+
+        Predictions begin where the readings that they need are known.
+        """
+        return ~np.isnan(self.data.y) & ~np.isnan(self.reading_low)
+
+    @property
     def outside(self) -> NDArray[np.int64]:
         """Sample and output (both from 0) of readings outside the band, shape (K, 2).
 
@@ -187,7 +195,7 @@ class Comparison:
                 "outer box; a larger time_limit narrows them"
             )
         lines += self._silence()
-        outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
+        outside, count = len(band.outside), int(np.sum(band.tested))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
         if outside and band.kind == "proved":
             row, output = band.outside[0].tolist()
@@ -219,8 +227,7 @@ class Comparison:
     def _silence(self) -> list[str]:
         """A line for samples at which the band is no test."""
         band = self.band
-        tested = ~np.isnan(band.data.y) & ~np.isnan(band.reading_low)
-        silent, count = int(np.sum(band.silent & tested)), int(np.sum(tested))
+        silent, count = int(np.sum(band.silent & band.tested)), int(np.sum(band.tested))
         if not silent:
             return []
         return [

@@ -51,6 +51,7 @@ def test_what_is_shown_at_a_prompt_is_one_line() -> None:
     shown = repr(compare(found, mode="prediction"))
     assert shown.startswith("<Comparison: prediction, fit 9") and "\n" not in shown
     assert shown.endswith(f"%, 0 readings outside the {said}>")
+    assert compare(found, mode="prediction").summary().endswith("band of readings  0 of 3")
 
 
 def test_a_band_that_says_nothing_does_not_look_like_a_pass_at_a_prompt() -> None:
