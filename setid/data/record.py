@@ -339,7 +339,8 @@ class IOData:
         path : path-like
         u, y : str or sequence of str
             Names of the variables, ``"u"`` and ``"y"`` when left out; several become channels side
-            by side. Each may be a row or a column of N numbers.
+            by side. Each may be a row or a column of N numbers. Then its name stays that of the
+            channel; channels of matrices are u1, ... and y1, ...
         Ts : float
             Sampling time in the unit of time of your choice; 1 when left out.
 
@@ -363,7 +364,14 @@ class IOData:
         """
         left, right = listed(u), listed(y)
         arrays = read_mat_columns(path, [*left, *right])
-        return cls(stacked(arrays[: len(left)]), stacked(arrays[len(left) :]), Ts)
+        inputs, outputs = arrays[: len(left)], arrays[len(left) :]
+        return cls(
+            stacked(inputs),
+            stacked(outputs),
+            Ts,
+            input_names=left if all(one.shape[1] == 1 for one in inputs) else None,
+            output_names=right if all(one.shape[1] == 1 for one in outputs) else None,
+        )
 
     # ---- parts --------------------------------------------------------------------------
 

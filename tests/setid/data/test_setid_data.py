@@ -178,6 +178,8 @@ def test_matlab_files(tmp_path: Path) -> None:
     data = setid.IOData.from_mat(path, u=["u1", "u2"], Ts=0.1)
     assert data.u.tolist() == [[1, 4], [2, 2], [5, 5]]
     assert data.y.tolist() == [[0, 3], [1, 4], [2, 5]]
+    pump = setid.IOData.from_mat(path, u="u2")
+    assert (pump.input_names, pump.output_names) == (("u2",), ("y1", "y2"))
     short = setid.IOData.from_mat(path.with_suffix(""), u=["u1", "u2"], Ts=0.1)
     np.testing.assert_array_equal(short.u, data.u)  # as in MATLAB, the suffix may be left out
     with pytest.raises(setid.DataError, match="No such file"):
