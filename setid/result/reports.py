@@ -332,7 +332,10 @@ def conflict(samples: tuple[tuple[int, int], ...], formulation: Formulation) -> 
     rows = formulation.rows
     every = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
     if len(samples) == len(every) > _FEW:
-        return f"all {len(every)} samples together contradict each other: no part of them was found"
+        return (
+            f"the equations of all {len(every)} samples that have one contradict each other "
+            "together: no part of them was found"
+        )
     return (
         f"samples that contradict each other: {samples_listed(samples, formulation.data.records)}"
     )

@@ -165,5 +165,7 @@ def test_a_whole_record_is_not_listed_as_its_samples() -> None:
     u = np.arange(15.0)
     known = setid.formulate(setid.IOData(u, u), setid.TransferFunction(1, 1), setid.Noise(output=1))
     every = tuple((1, k) for k in range(1, 15))  # the first sample has no row
-    assert conflict(every, known).startswith("all 14 samples together contradict each other")
+    assert conflict(every, known).startswith(
+        "the equations of all 14 samples that have one contradict"
+    )
     assert conflict(every[:2], known) == "samples that contradict each other: 1, 2"
