@@ -436,9 +436,10 @@ def test_damaged_records_prove_nothing_false():
 def test_hundreds_of_damaged_records_prove_nothing_false():
     said, wrong = attack(("e-0", "o-0", "oi-0", "eoi-0", "stable-0", "box-0", "gap-range"), 700)
     assert not wrong
+    assert said["refused"] + said["malformed"] > 300
     said, wrong = attack(("two-poles-driven",), 60)
     assert not wrong
-    assert said["refused"] + said["malformed"] > 300
+    assert said["refused"] + said["malformed"] > 30
 
 
 # ---- unknowns that stand for sums of products ---------------------------------------------------
