@@ -12,6 +12,7 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from itertools import product
 from math import inf
@@ -22,7 +23,7 @@ import numpy as np
 import sparsepop_py as sp
 from setid.analysis.terms import sparse_terms, without, without_idle
 from setid.consistency import consistency
-from setid.data.checks import entries_of, natural, number, switch
+from setid.data.checks import asked, entries_of, natural, number, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, warns_once
@@ -404,8 +405,8 @@ def _following(
     own = _told_apart(make(order, degree))
     for larger in [*behind, (order, degree + 1), (order + 1, degree)]:
         try:
-            found = make(*larger)
-        except Exception:  # a family of the caller may have none of sizes that were not asked for
+            found = asked("families", partial(make, *larger), ModelError)
+        except ModelError:  # a family may have none of sizes that were not asked for
             if larger in behind:
                 raise
             continue

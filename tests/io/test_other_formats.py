@@ -19,6 +19,14 @@ import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial import Kind
 from sparsepop_py.io.other_software import scip_
 
+SCIP = "SCIP is the optional extra scip"
+
+
+@pytest.fixture
+def scip() -> None:
+    pytest.importorskip("pyscipopt", reason=SCIP)
+
+
 MPS = """NAME test
 OBJSENSE
     MAX
@@ -253,15 +261,15 @@ def check_pip(problem: sp.Problem) -> None:
         assert min(0, *violations(problem, point)) == pytest.approx(min(0, *short), abs=1e-12)
 
 
+@pytest.mark.usefixtures("scip")
 def test_polynomial_rows_of_a_pip_file(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "rows.pip"
     path.write_text(PIP)
     check_pip(sp.read(path))
 
 
+@pytest.mark.usefixtures("scip")
 def test_quadratic_rows_of_lp_and_mps_files(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     rows = "Minimize\n obj: x + y\nSubject To\n c: x + y >= -3\n q: [ x^2 + y^2 ] <= 1\n"
     path = tmp_path / "disc.lp"
     path.write_text(rows + "Bounds\n x free\n y free\nEnd\n")
@@ -270,9 +278,7 @@ def test_quadratic_rows_of_lp_and_mps_files(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> Iterator[Callable[[Any], sp.Problem]]:
-    pytest.importorskip("pyscipopt")
-
+def written(scip: None, tmp_path: Path) -> Iterator[Callable[[Any], sp.Problem]]:
     def through(model: Any) -> sp.Problem:
         path = tmp_path / "model.nl"
         model.write(str(path), io_options={"symbolic_solver_labels": True})
@@ -340,9 +346,9 @@ def test_fractional_powers_of_files_of_ampl_are_refused(
         written(model)
 
 
+@pytest.mark.usefixtures("scip")
 def test_constants_inside_quadratic_rows_are_kept(tmp_path: Path) -> None:
     """3 - x y / 2 lies between -1 and 1, and is the objective."""
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "rows.nl"
     path.write_text(NL)
     problem = sp.read(path)
@@ -395,8 +401,8 @@ G0 2
 """
 
 
+@pytest.mark.usefixtures("scip")
 def test_a_file_of_osil(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "disc.osil"
     path.write_text(OSIL)
     problem = sp.read(path)
@@ -414,6 +420,7 @@ OSIL_QUADRATIC = """<quadraticCoefficients numberOfQuadraticTerms="1">
 <qTerm idx="0" idxOne="1" idxTwo="1" coef="1"/></quadraticCoefficients>"""
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(
     ("part", "found"),
     [
@@ -426,7 +433,6 @@ OSIL_QUADRATIC = """<quadraticCoefficients numberOfQuadraticTerms="1">
 def test_what_scip_passes_over_in_files_of_osil_is_refused(
     tmp_path: Path, part: str, found: str
 ) -> None:
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "disc.osil"
     path.write_text(OSIL.replace("</instanceData>", f"{part}</instanceData>"))
     with pytest.raises(sp.FormatError, match=re.escape(found)):
@@ -450,12 +456,12 @@ OSIL = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(("weight", "kept"), [(1.0, ("x0",)), (0.5, ("x0",)), (0.1, ("z", "x0"))])
 def test_an_objective_row_is_put_in_only_without_rounding(
     weight: float, kept: tuple[str, ...], tmp_path: Path
 ) -> None:
     """0.1 * 1.5 is no double: min 0.1 z, z >= 1.5 x0 stays a problem in z."""
-    pytest.importorskip("pyscipopt")
     text = f"min\n obj: {weight} z\nst\n r: z - 1.5 x0 >= 0\nbounds\n z free\n 1 <= x0 <= 2\nend\n"
     path = tmp_path / "row.pip"
     path.write_text(text)
@@ -480,6 +486,7 @@ def pip_row(row: str, folder: Path) -> Path:
     return path
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(
     ("row", "value"),
     [
@@ -494,48 +501,48 @@ def pip_row(row: str, folder: Path) -> Path:
 )
 def test_constants_beside_products_are_kept(row: str, value: float, tmp_path: Path) -> None:
     """PySCIPOpt lists the products and linear terms of a quadratic row, and no constant."""
-    pytest.importorskip("pyscipopt")
     (found,) = sp.read(pip_row(row, tmp_path)).constraints
     assert found.polynomial([0.0, 0.0]) == pytest.approx(value, abs=1e-15)
 
 
+@pytest.mark.usefixtures("scip")
 def test_the_least_value_over_a_quadratic_row_with_a_constant(tmp_path: Path) -> None:
     """With x^2 + 3 >= 1 in mind x = 0 is feasible, and no bound is above 0."""
-    pytest.importorskip("pyscipopt")
     assert sp.solve(sp.read(pip_row("x^2 + 3 >= 1", tmp_path))).lower_bound <= 0.0
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(
     "power",
     ["2.5", ".5", "2.", "2.0", "2e1", "3e-1", "-1", " 2.5", "\n 2.5", "2^3", "2 ^3", "12345678901"],
 )
 def test_powers_that_scip_reads_as_other_ones_are_refused(power: str, tmp_path: Path) -> None:
     """SCIP reads x^2.5 as x^2 + 0.5, x^2e1 as x^20, x^2^3 as x^3."""
-    pytest.importorskip("pyscipopt")
     path = pip_row(f"x^{power} + y >= 1", tmp_path)
     with pytest.raises(sp.FormatError, match=r"row\.pip, line 4: found the power '\^"):
         sp.read(path)
 
 
+@pytest.mark.usefixtures("scip")
 def test_comments_hold_no_powers(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     problem = sp.read(pip_row("x^2 \\ not x^2.5\n + y^3 >= 1", tmp_path))
     assert problem.constraints[0].polynomial([2.0, 3.0]) == 4 + 27 - 1
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("row", ["(x + y)^2 >= 1", "2 (x + y) >= 1", "exp(x) >= 1", "(x) >= 1"])
 def test_brackets_and_functions_are_no_names(row: str, tmp_path: Path) -> None:
     """SCIP makes new variables of them, such as '(x' and 'y)'."""
-    pytest.importorskip("pyscipopt")
     with pytest.raises(sp.FormatError, match="found the variable .*without brackets and functions"):
         sp.read(pip_row(row, tmp_path))
 
 
+@pytest.mark.usefixtures("scip")
 def test_names_may_hold_indices_in_brackets(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     assert "z(1)" in sp.read(pip_row("x^2 + z(1) >= 1", tmp_path)).names
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(
     "row",
     [
@@ -550,25 +557,24 @@ def test_names_may_hold_indices_in_brackets(tmp_path: Path) -> None:
 )
 def test_rows_with_more_than_a_number_on_the_right_are_refused(row: str, tmp_path: Path) -> None:
     """SCIP reads ``1 >= x`` and ``d: x >= 0`` as 1 >= 1 and a row with a variable ``:``."""
-    pytest.importorskip("pyscipopt")
     with pytest.raises(sp.FormatError, match=r"row\.pip, line 4: found the row"):
         sp.read(pip_row(row, tmp_path))
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("label", ["end", "Bounds", "int", "semi", "sos1", "c"])
 def test_words_that_begin_sections_may_be_labels_of_rows(label: str, tmp_path: Path) -> None:
     """SCIP reads the second row as x^3 + y >= 2, and goes on behind such a label."""
-    pytest.importorskip("pyscipopt")
     path = pip_row(f"x + y >= 1\n {label}: -3 = - 2 x^2\n x + y >= 2", tmp_path)
     with pytest.raises(sp.FormatError, match=rf"row\.pip, line 5: found the row '{label}: -3"):
         sp.read(path)
     assert len(sp.read(pip_row(f"x >= 1\n {label}: x + y >= 2", tmp_path)).constraints) == 2
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("head", ["st:", "s.t", "subjectto", ""])
 def test_rows_without_a_section_are_refused(head: str, tmp_path: Path) -> None:
     """SCIP read the objective of such a file for ever."""
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "rows.pip"
     path.write_text(f"minimize\n obj: x + y\n{head}\n c: x^2 + y >= 1\nbounds\n x <= 5\nend\n")
     with pytest.raises(sp.FormatError, match="expected 'Subject to'"):
@@ -589,20 +595,20 @@ def test_long_rows_and_many_are_looked_at_in_one_pass(last: str, tmp_path: Path)
             scip_._check_rows(tmp_path, text)
 
 
+@pytest.mark.usefixtures("scip")
 def test_rows_may_follow_each_other_and_go_over_lines(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     rows = "x^2\n + y >= - 1e0 d: x y^2 =< .5\n 2 x + y\n = 3"
     found = [row.polynomial([2.0, 3.0]) for row in sp.read(pip_row(rows, tmp_path)).constraints]
     assert found == [8.0, -17.5, 4.0]
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("part", ["x^2 + 3 x^2", "x^2 + x + 2 x", "x y + y + 2 y", "2 x^2 - 2 x^2"])
 @pytest.mark.parametrize("place", ["objective", "row"])
 def test_terms_that_come_twice_in_quadratic_rows_are_refused(
     part: str, place: str, tmp_path: Path
 ) -> None:
     """SCIP tells of 3 x^2 where x^2 + 3 x^2 stands, and of 2 x for x + 2 x beside a square."""
-    pytest.importorskip("pyscipopt")
     path = pip_row(f"{part} >= 1" if place == "row" else "x + y >= 1", tmp_path)
     if place == "objective":
         path.write_text(path.read_text().replace("obj: x + y", f"obj: {part}"))
@@ -610,6 +616,7 @@ def test_terms_that_come_twice_in_quadratic_rows_are_refused(
         sp.read(path)
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize(
     ("row", "counts"),
     [
@@ -624,15 +631,14 @@ def test_rows_that_scip_writes_say_where_digits_are_lost(
     row: str, counts: list[int], tmp_path: Path
 ) -> None:
     """Numbers of higher degree come with 15 digits, which once was not said."""
-    pytest.importorskip("pyscipopt")
     problem = sp.read(pip_row(row, tmp_path))
     assert [record.coefficients for record in problem.rounding] == counts
     assert all(record.place == "constraint 0 (c)" for record in problem.rounding)
     assert ("by an unknown amount" in str(problem)) is bool(counts)
 
 
+@pytest.mark.usefixtures("scip")
 def test_an_objective_that_scip_writes_says_where_digits_are_lost(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     path = tmp_path / "objective.pip"
     path.write_text(
         "minimize\n obj: 0.12345678901234567 x^3 + y\nsubject to\n c: x + y >= 1\nbounds\n"
@@ -641,11 +647,11 @@ def test_an_objective_that_scip_writes_says_where_digits_are_lost(tmp_path: Path
     assert [record.place for record in sp.read(path).rounding] == ["objective"]
 
 
+@pytest.mark.usefixtures("scip")
 def test_another_layout_of_what_scip_writes_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Squares that come twice were passed over where no row of SCIP's text was found."""
-    pytest.importorskip("pyscipopt")
     text = scip_._text
     monkeypatch.setattr(
         scip_, "_text", lambda model, ending: text(model, ending).replace("[nonlinear]", "[expr]")
@@ -654,29 +660,29 @@ def test_another_layout_of_what_scip_writes_is_refused(
         sp.read(pip_row("x^2 + 3 x^2 + y >= 1", tmp_path))
 
 
+@pytest.mark.usefixtures("scip")
 def test_products_that_come_twice_are_added(tmp_path: Path) -> None:
-    pytest.importorskip("pyscipopt")
     (row,) = sp.read(pip_row("x y + 2 y x + x^2 + x + y >= 1", tmp_path)).constraints
     assert row.polynomial([2.0, 3.0]) == 3 * 6 + 4 + 5 - 1
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("first", ["Minimise", "Maximise", "obj:", "a problem\nminimize"])
 @pytest.mark.parametrize(("ending", "row"), [(".pip", "x^3"), (".lp", "x + [ x * y ]")])
 def test_words_that_scip_does_not_know_lose_no_objective(
     first: str, ending: str, row: str, tmp_path: Path
 ) -> None:
     """SCIP passes over everything before a word that it knows: the objective was 0."""
-    pytest.importorskip("pyscipopt")
     path = tmp_path / f"sense{ending}"
     path.write_text(f"{first}\n obj: x + y\nsubject to\n c: {row} >= 1\nbounds\n x <= 5\nend\n")
     with pytest.raises(sp.FormatError, match=r"expected Minimize or Maximize|Parser error"):
         sp.read(path)
 
 
+@pytest.mark.usefixtures("scip")
 @pytest.mark.parametrize("ending", [".lp", ".pip"])
 def test_a_variable_that_comes_twice_in_a_row_counts_twice(ending: str, tmp_path: Path) -> None:
     """1 x + y + 3 x is 4 x + y, and the least x with y = 0 is a quarter."""
-    pytest.importorskip("pyscipopt")
     path = tmp_path / f"twice{ending}"
     path.write_text(
         "minimize\n obj: x + 2 y + 2 x\nsubject to\n c: x + y + 3 x >= 1\n d: x + x <= 6\n"
@@ -711,7 +717,7 @@ def test_operators_are_no_names_of_lp_files(row: str, tmp_path: Path) -> None:
 def test_words_that_begin_sections_are_no_names(name: str, ending: str, tmp_path: Path) -> None:
     """HiGHS dropped the rows before ``st <= 4``, SCIP what follows ``x + end``."""
     if ending == ".pip":
-        pytest.importorskip("pyscipopt")
+        pytest.importorskip("pyscipopt", reason=SCIP)
     path = tmp_path / f"words{ending}"
     path.write_text(
         f"minimize\n obj: x + {name} + y\nsubject to\n c: x + y >= 1\nbounds\n {name} <= 4\nend\n"
