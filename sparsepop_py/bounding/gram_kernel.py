@@ -59,8 +59,12 @@ def grams_with_kernel(
     if free.size >= start.basis.shape[0]:
         return  # more is open than the minimiser determines
     chosen = _with_kernel(start, entries, change, monomials.evaluate(start.basis, point))
+    tried: NDArray[np.float64] | None = None
     for bits in BOUNDING.bits:
         rounded = np.round(chosen * 2.0**bits) / 2.0**bits
+        if tried is not None and np.array_equal(rounded, tried):
+            continue  # as at the origin, where all equations hold
+        tried = rounded
         value = entries + change @ rounded
         expected = _expected(objective, replace(start, value=value))
         if expected > -np.inf:

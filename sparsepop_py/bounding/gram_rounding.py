@@ -27,6 +27,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.conic.alike_blocks import merge_alike_blocks
 from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.assemble import assemble, split_dual
@@ -123,14 +124,25 @@ def _normed(
 def _rounded(
     objective: Polynomial, sparse: Relaxation, time_limit: float | None
 ) -> Iterator[ExactGram]:
-    """Round the Gram matrix of one solution with growing precision."""
+    """Round the Gram matrices of solutions with growing precision."""
     normed, rows = _normed(objective, sparse, BOUNDING.trace)
-    solution = solve_conic(normed, "clarabel", time_limit, BOUNDING.rounded_accuracy)
-    if solution.status not in ("solved", "almost"):
-        return
-    basis, first, second, value = entries_of(sparse, rows * solution.z)
-    for bits in BOUNDING.bits:
-        yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
+    for z in _multipliers(normed, time_limit):
+        basis, first, second, value = entries_of(sparse, rows * z)
+        for bits in BOUNDING.bits:
+            yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
+
+
+def _multipliers(program: ConicProgram, time_limit: float | None) -> Iterator[NDArray[np.float64]]:
+    """Solve the program with alike blocks merged, where that leaves few rows, then as it stands."""
+    merged = merge_alike_blocks(program, BOUNDING.alike)
+    if merged is not None:
+        accuracy = BOUNDING.merged_accuracy
+        solution = solve_conic(merged.program, "clarabel", time_limit, accuracy)
+        if solution.status == "solved":
+            yield solution.z[merged.row]
+    solution = solve_conic(program, "clarabel", time_limit, BOUNDING.rounded_accuracy)
+    if solution.status in ("solved", "almost"):
+        yield solution.z
 
 
 @lru_cache(maxsize=1)  # the minimiser's matrix and rounded ones begin with the same

@@ -37,6 +37,10 @@ class BoundingSettings:
         Accuracy that is enough of a solver whose gap is that of its safe value.
     rounded_accuracy : float
         Accuracy that is enough of a solver whose matrices are rounded to ``bits``.
+    alike : float
+        Share of the rows of a program that are left at most where alike blocks are merged.
+    merged_accuracy : float
+        Accuracy of programs of merged blocks, which take no time.
     moments : int
         Moments from which residuals add up to more than the gap that a solver leaves.
     margins : tuple of float
@@ -79,6 +83,8 @@ class BoundingSettings:
     short_loss: float = 0.01
     rough_accuracy: float = 5e-3
     rounded_accuracy: float = 1e-5
+    alike: float = 0.1
+    merged_accuracy: float = 1e-7
     moments: int = 100
     margins: tuple[float, ...] = (1e-8, 1e-6, 1e-4)
     accuracies: tuple[float, ...] = (1e-7, 1e-6, 1e-5, 1e-4)
