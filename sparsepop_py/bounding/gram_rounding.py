@@ -133,7 +133,7 @@ def _rounded(
 
 
 def _multipliers(program: ConicProgram, time_limit: float | None) -> Iterator[NDArray[np.float64]]:
-    """Solve the program with alike blocks merged, where that leaves few rows, then as it stands."""
+    """Solve the program with alike blocks merged where few rows are left, then whole."""
     merged = merge_alike_blocks(program, BOUNDING.alike)
     if merged is not None:
         accuracy = BOUNDING.merged_accuracy

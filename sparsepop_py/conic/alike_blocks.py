@@ -1,14 +1,18 @@
-"""Merge semidefinite blocks that are alike: long chains of the same terms get small programs.
+"""Merge semidefinite blocks that are alike, so that long chains get small programs.
 
-Two blocks are alike where their entries stand in alike equations, and two equations are alike
-where alike entries of blocks stand in them with the same coefficients. This begins with sizes of
-blocks and with right-hand sides, and ends after a few rounds, so that ends of a chain and its
-inner blocks stay apart. Alike blocks of multipliers are then the same matrix by decree:
+A sum of the same terms over many windows of variables gives many blocks of multipliers, and
+equations that differ in names alone. Two blocks are alike where their entries stand in alike
+equations. Two equations are alike where alike entries of blocks stand in them with the same
+coefficients, and their right-hand sides are the same. Kinds of blocks begin with their sizes, and
+each round parts the kinds by what stands beside them: after one round the first and the last block
+of a chain have kinds of their own, after two their neighbours as well. Alike blocks are then
+required to be the same matrix,
 
-    minimise  b'z   subject to   A'z = -q,   z in K,   z = z_small[row],
+    minimise  b'z   subject to   A'z = -q,   z in K,   z = small[row],
 
-which leaves as many equations as there are kinds of them. Each of its solutions is one of the
-program as it stands. It may have no solution where that one has some.
+and one equation of each kind is left. Each solution of this program is one of the program as it
+stands. It may have none where that one has some: a chain whose first and last term are needed to
+make it a sum of squares.
 
 References
 ----------
@@ -16,7 +20,7 @@ M. Grohe, K. Kersting, M. Mladenov, E. Selman, Dimension reduction via colour re
 European Symposium on Algorithms 2014, LNCS 8737, 505-516: there rounds go on until no kind is
 parted any more, and no solution is lost.
 G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014:
-the function that mixes the numbers of kinds.
+the function that mixes numbers of kinds.
 """
 
 from __future__ import annotations
@@ -123,7 +127,7 @@ def _bits(values: NDArray[np.float64]) -> Kinds:
 
 
 def _sums(values: Kinds, index: NDArray[Any], size: int) -> Kinds:
-    """Sum the values of each index modulo 2^64: the same for the same values in any order."""
+    """Sum the values of each index modulo 2^64, whatever their order."""
     found = np.zeros(size, np.uint64)
     np.add.at(found, index, values)
     return found
