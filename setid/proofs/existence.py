@@ -84,7 +84,17 @@ def proved_point(
         point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
         if point is not None:
             return point
-    return None
+    order = None if in_turn or _is_linear(problem, rows, solved) else _in_turn(problem, *known[:2])
+    if order is None:
+        return None
+    last = sp.ProvedPoint(x, inf, 0.0, "substitution", rows[order], solved[order])
+    return last.recheck(problem)
+
+
+def _is_linear(problem: sp.Problem, rows: NDArray[np.int64], solved: NDArray[np.int64]) -> bool:
+    """Check that no row multiplies unknowns that are solved for: then rationals decide."""
+    letters = problem.rows.take(rows).words
+    return not np.any(np.isin(letters, solved + 1).sum(axis=1) > 1)
 
 
 def _in_turn(

@@ -73,3 +73,19 @@ def test_many_rows_that_need_each_other_have_no_order(monkeypatch: pytest.Monkey
     for most in (2, 0):
         monkeypatch.setattr(existence, "_MANY", most)
         assert existence._in_turn(problem, rows, solved) is None
+
+
+def test_denominators_that_share_an_integrator_are_solved_in_turn() -> None:
+    """Rows multiply out what is solved for; poles near one spoil the test of Krawczyk."""
+    poles = ((0.81, 0.09), (0.99999, 0.934), (0.99999, 0.345))
+    model = setid.TransferFunction(2, 2, 1, inputs=3, form="lifted")
+    denominators = [float(a) for pair in poles for a in np.poly(pair)[1:]]
+    theta = [*denominators, 0.1, 0.05, 0.2, 0.05, 0.3, 0.05]
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 3))
+    noise = setid.Noise(output=0.01)
+    truth = setid.simulate_record(model, theta, u, noise, seed=1)
+    formulation = setid.formulate(truth.data, model, noise, setid.Stable())
+    x = setid.least_noise(formulation, theta).x
+    point = proved_point(formulation, formulation.problem, x)
+    assert point is not None and point.proof == "substitution"
+    assert point.recheck(formulation.problem) is not None
