@@ -35,11 +35,13 @@ from setid.formulation.formulation import (
 from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
+from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.consistency_result import Consistency
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.minimum_noise.separate_noise import separate_noise
+from setid.models.checked_structures import coefficients_of
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
@@ -434,12 +436,13 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
 
 
 def _explaining(asked: _Question) -> tuple[float, Reals | None]:
-    """A factor with which some estimate is consistent, a little more than its least one."""
+    """A factor with which some estimate is consistent, a little more than it needs."""
     found = _estimates(asked, asked.stated(1.0))
-    if not found:
-        return 1.0, None
-    level, x = found[0]
-    return level * _MORE, x
+    for level, x in found:
+        witness = asked.kept(partial(_witness, asked.stated(level * _MORE), x))
+        if witness is not None:
+            return level * _MORE, witness
+    return (found[0][0] * _MORE, found[0][1]) if found else (1.0, None)
 
 
 def _estimates(
@@ -465,7 +468,7 @@ def _estimates(
         if len(found) > 1 and time.monotonic() > until:
             break
         try:
-            witness = asked.kept(partial(_explained, formulation, estimate))
+            witness = asked.kept(partial(_explained, formulation, estimate, until))
         except (ModelError, ValueError):
             continue
         if witness is None:
@@ -475,11 +478,29 @@ def _estimates(
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _explained(formulation: Formulation, estimate: Callable[[], Reals]) -> Witness | None:
+def _explained(
+    formulation: Formulation, estimate: Callable[[], Reals], until: float
+) -> Witness | None:
     """Find the least noise with which an estimate, moved into its priors, explains the data."""
-    theta = estimate()
+    theta = _poles_inside(formulation, estimate(), until)
     low, high = formulation.problem.lower[: theta.size], formulation.problem.upper[: theta.size]
     return least_noise(formulation, np.clip(theta, low, high))
+
+
+def _poles_inside(formulation: Formulation, theta: Reals, until: float) -> Reals:
+    """Draw poles into the unit disc where a prior wants them there, and fit all else again."""
+    model, data = formulation.model, formulation.data
+    bound = formulation.noise.bounds(data)[0]
+    if not isinstance(model, TransferFunction) or model.outputs > 1 or not np.any(bound > 0):
+        return theta
+    names = coefficients_of(model, 1, 1).denominator
+    if not any(names in prior.stable(model) for prior in formulation.priors):
+        return theta
+    a = np.append(1.0, theta[[model.parameters.index(name) for name in names]])
+    drawn = monic(a, stable=True)
+    if drawn is None or np.array_equal(drawn, a):
+        return theta
+    return least_largest_error(data, model, bound, drawn[1:], until)
 
 
 def _witness(formulation: Formulation, x: Reals) -> Reals | None:

@@ -19,6 +19,7 @@ from slow_values import slow_after
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import setid
+from setid.feasible_points.witness import consistent
 from setid.minimum_noise.factor import least_factor
 from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.denominators.varying_multipliers import VaryingCells
@@ -452,3 +453,26 @@ def test_exact_outputs_with_denominators_of_their_own_need_no_search_of_output_n
         warnings.simplefilter("error", RuntimeWarning)
         found = setid.consistency(made.data, model, noise, [setid.Stable()], options=options)
     assert found.scale[0] <= 1.0
+
+
+def growing_oscillation() -> setid.IOData:
+    """A record whose fits of order 3 have poles outside of the unit disc."""
+    k = np.arange(30)
+    u = np.random.default_rng(0).uniform(-0.1, 0.1, k.size)
+    return setid.IOData(u, 1.09**k * np.cos(0.3 * k) + 0.8**k)
+
+
+def test_estimates_are_drawn_into_the_unit_disc_where_a_prior_wants_that() -> None:
+    data, model = growing_oscillation(), setid.TransferFunction(3, 2, 1)
+    noise = setid.Noise(output=1.0)
+    given = setid.formulate(data, model, noise, setid.Stable())
+    theta = setid.linf(data, model).theta
+    assert np.abs(np.roots([1.0, *theta[:3]])).max() > 1.05
+    poles_inside = import_module("setid.consistency")._poles_inside
+    inside = poles_inside(given, theta, np.inf)
+    assert np.abs(np.roots([1.0, *inside[:3]])).max() < 1.0
+    level = setid.least_noise(given, inside).level
+    enough = setid.formulate(data, model, setid.Noise(output=1.001 * level), setid.Stable())
+    assert consistent(enough, inside) is not None
+    free = setid.formulate(data, model, noise)
+    assert np.array_equal(poles_inside(free, theta, np.inf), theta)
