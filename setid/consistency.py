@@ -157,7 +157,8 @@ def consistency(
         raise NoiseError("noise: found no positive bound, expected one that can be scaled")
     asked = _Question(data, without_delta(model), noise, listed(priors), settings, deadline)
     formulation = asked.stated(1.0)
-    linear = formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1])
+    on_sensors = np.any(bounds.output) or np.any(bounds.input)
+    linear = formulation.problem.degree <= 1 and not on_sensors
     if (
         linear
         and rows_say_all(formulation)
@@ -456,7 +457,7 @@ def _estimates(
         lambda: linf(data, formulation.model).theta,
         lambda: least_squares(data, formulation.model).theta,
     ]
-    output = formulation.noise.bounds(data)[0]
+    output = formulation.noise.bounds(data).output
     if has_separate_denominators(formulation.model) and not np.any(np.isnan(data.u)):
         found_apart = separate_noise(formulation, until)
         estimates = [] if found_apart is None else [lambda: found_apart[0]]

@@ -21,6 +21,7 @@ from setid.bands.branching import (
 )
 from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
 from setid.data.checks import number, seconds_of
+from setid.data.noise import NoiseBounds
 from setid.data.record import IOData
 from setid.errors import EmptySetError, SetidError
 from setid.feasible_points.members import members
@@ -37,7 +38,6 @@ from setid.simulation.responses import known_from
 __all__ = ["Accuracy", "Band", "View", "band_of", "record_bands", "view_of"]
 
 Reals = NDArray[np.float64]
-Bounds = tuple[Reals, Reals, Reals]
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
 _DRAWING = 0.2  # of the time, for members that are simulated
 _BRIEF = 0.1  # of the time, for a band from which the next question follows
@@ -127,7 +127,7 @@ def view_of(model: Structure) -> View:
 
 
 def record_bands(
-    result: FeasibleSet, record: IOData, bounds: Bounds, from_rest: bool, accuracy: Accuracy
+    result: FeasibleSet, record: IOData, bounds: NoiseBounds, from_rest: bool, accuracy: Accuracy
 ) -> list[Band]:
     """Bound all outputs for the inputs of one record or several.
 
@@ -171,8 +171,9 @@ def record_bands(
                     f"data: found missing outputs at row {begin}, where a proved band starts, "
                     f"expected readings; give the rows from {row} on as a record of their own"
                 )
-            start, errors = bounds[0][begun, i], bounds[2][part, i]
-            tasks.append(Experiment(row, record.u[part], readings, start, bounds[1][part], errors))
+            start, errors = bounds.output[begun, i], bounds.equation[part, i]
+            inputs = bounds.input[part]
+            tasks.append(Experiment(row, record.u[part], readings, start, inputs, errors))
     bands = _all_bands(result, view.coordinates, tasks, accuracy)
     pieces = len(edges) - 1
     return [_joined(bands[i * pieces : (i + 1) * pieces]) for i in range(len(view.rows))]

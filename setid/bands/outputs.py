@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from setid.bands.enclosing import Accuracy, record_bands
 from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import FrozenMapping, frozen, seconds_of, word
-from setid.data.noise import Noise
+from setid.data.noise import Noise, NoiseBounds
 from setid.data.record import IOData
 from setid.errors import DataError, EmptySetError, ModelError, NoiseError, SetidError
 from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
@@ -307,7 +307,7 @@ def simulate_band(
     accuracy = Accuracy(tolerance, time_limit, samples)
     draws_of(samples, seed)
     record, _, bounds = _record(result, data, noise)
-    model, theta, eta = result.formulation.model, nominal(result), bounds[0]
+    model, theta, eta = result.formulation.model, nominal(result), bounds.output
     if kind != "sampled":
         try:
             bands = record_bands(result, record, bounds, model.initial == "zero", accuracy)
@@ -543,7 +543,7 @@ def _equation_errors_alone(result: FeasibleSet) -> bool:
 
 def _record(
     result: FeasibleSet, data: IOData | None, noise: Noise | None
-) -> tuple[IOData, Noise, tuple[Reals, Reals, Reals]]:
+) -> tuple[IOData, Noise, NoiseBounds]:
     """The record, its noise, and the bounds of that."""
     formulation = result.formulation
     record = formulation.data if data is None else data

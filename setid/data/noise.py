@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ __all__ = [
     "EnergyBound",
     "EstimatedBound",
     "Noise",
+    "NoiseBounds",
     "NoiseConstraint",
     "RateLimit",
     "estimate_noise_bound",
@@ -82,6 +83,21 @@ class EstimatedBound:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.array(self.value, dtype)
+
+
+class NoiseBounds(NamedTuple):
+    """Bounds of the noise of every sample of a record.
+
+    Parameters
+    ----------
+    output : (N, ny) float
+    input : (N, nu) float
+    equation : (N, ny) float
+    """
+
+    output: NDArray[np.float64]
+    input: NDArray[np.float64]
+    equation: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
@@ -242,9 +258,7 @@ class Noise:
         together = f" and delta = {all_digits(self.model_error)} together"
         return "the noise bounds" + (together if self.model_error else "")
 
-    def bounds(
-        self, data: IOData
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, data: IOData) -> NoiseBounds:
         """Compute bounds of output noise (N, ny), input noise (N, nu), equation error (N, ny).
 
         Parameters
@@ -253,7 +267,7 @@ class Noise:
 
         Returns
         -------
-        tuple of arrays
+        NoiseBounds
             In the units of the signals; relative bounds are multiplied by the sizes of the
             readings. Missing samples have no noise: their bound is 0.
 
@@ -281,7 +295,8 @@ class Noise:
                 raise NoiseError(f"{field}: found a bound beyond all doubles, expected less")
         output = np.where(np.isnan(data.y), 0.0, output)
         input = np.where(np.isnan(data.u), 0.0, input)
-        return output, input, _spread(self.equation, "equation", data.samples, data.outputs)
+        equation = _spread(self.equation, "equation", data.samples, data.outputs)
+        return NoiseBounds(output, input, equation)
 
 
 def _parts_of(share: NDArray[np.float64], samples: NDArray[np.float64]) -> NDArray[np.float64]:

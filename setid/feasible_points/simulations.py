@@ -56,7 +56,7 @@ class Fitting:
         """Compute errors in noise bounds (R,), and their slopes (R, d)."""
         signals = self._run(theta)
         data, errors, slopes = self.formulation.data, [], []
-        bound = self.formulation.noise.bounds(data)[0]
+        bound = self.formulation.noise.bounds(data).output
         for channel, name in enumerate(self.parts.outputs):
             y, form = data.y[:, channel], signals[name]
             known = ~np.isnan(y) & np.isfinite(form.rest)

@@ -52,7 +52,7 @@ def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.flo
 def _simulated(formulation: Formulation, problem: sp.Problem) -> Iterator[NDArray[np.float64]]:
     """Parameters whose simulation has a small largest error, where outputs are noisy."""
     data, p = formulation.data, len(formulation.parameters)
-    output = formulation.noise.bounds(data)[0]
+    output = formulation.noise.bounds(data).output
     if not np.any(output > 0) or np.isnan(data.u).any():
         return
     try:

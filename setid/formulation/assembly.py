@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import asked, frozen
-from setid.data.noise import Noise, NoiseConstraint
+from setid.data.noise import Noise, NoiseBounds, NoiseConstraint
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
@@ -113,12 +113,6 @@ class Built(NamedTuple):
     roundings: tuple[Rounding, ...]
 
 
-class _Bounds(NamedTuple):
-    output: NDArray[np.float64]
-    input: NDArray[np.float64]
-    equation: NDArray[np.float64]
-
-
 class _Collected(NamedTuple):
     constraint: sp.Constraint
     origin: str
@@ -130,7 +124,7 @@ class _Collected(NamedTuple):
 
 def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior]) -> Built:
     """Assemble the problem; the parts have been checked to fit together."""
-    bounds = _Bounds(*noise.bounds(data))
+    bounds = noise.bounds(data)
     facts = _facts(model, priors)
     equations = equations_of(model, _noisy(data, bounds))
     _check_errors(equations, bounds)
@@ -187,7 +181,7 @@ def _rows(found: Sequence[_Collected]) -> Rows:
 # ---- before any unknown is numbered -----------------------------------------------------
 
 
-def _noisy(data: IOData, bounds: _Bounds) -> set[str]:
+def _noisy(data: IOData, bounds: NoiseBounds) -> set[str]:
     """Measured signals that are not known exactly."""
     groups = (("y", data.y, bounds.output), ("u", data.u, bounds.input))
     return {
@@ -198,7 +192,7 @@ def _noisy(data: IOData, bounds: _Bounds) -> set[str]:
     }
 
 
-def _check_errors(equations: Sequence[Equation], bounds: _Bounds) -> None:
+def _check_errors(equations: Sequence[Equation], bounds: NoiseBounds) -> None:
     for equation in equations:
         output = equation.output
         if output is not None and not equation.error:
@@ -242,7 +236,7 @@ def _number(
     model: Structure,
     noise: Noise,
     priors: Sequence[Prior],
-    bounds: _Bounds,
+    bounds: NoiseBounds,
     plans: Sequence[Planned],
     lifting: Lifting,
 ) -> Layout:
@@ -282,7 +276,7 @@ Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def _signals(
     data: IOData,
-    bounds: _Bounds,
+    bounds: NoiseBounds,
     layout: Layout,
     plans: Sequence[Planned],
     ranges: Mapping[str, NDArray[np.float64]],
@@ -319,7 +313,7 @@ def _signals(
     return signals
 
 
-def _bound_noise(layout: Layout, bounds: _Bounds, box: Box) -> None:
+def _bound_noise(layout: Layout, bounds: NoiseBounds, box: Box) -> None:
     for group, bound in zip(("eta", "xi", "e"), bounds, strict=True):
         numbers = layout.group(group)
         present = numbers >= 0
@@ -343,7 +337,7 @@ def _model_rows(
     data: IOData,
     signals: Mapping[str, Signal],
     layout: Layout,
-    bounds: _Bounds,
+    bounds: NoiseBounds,
 ) -> list[_Collected]:
     """Rows of the equations, in the order of samples."""
     numbers = [*layout.group("theta").tolist(), *layout.group(LIFTED).tolist()]

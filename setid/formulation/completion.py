@@ -276,7 +276,7 @@ def noise_shares(formulation: Stated, theta: NDArray[np.float64]) -> dict[str, f
 def band_width(formulation: Stated) -> NDArray[np.float64]:
     """Compute the bound of each row's eliminated equation error, shape (m,)."""
     rows, data = formulation.rows, formulation.data
-    bound = formulation.noise.bounds(data)[2]
+    bound = formulation.noise.bounds(data).equation
     width, channels = np.zeros(len(rows.origin)), {}
     for label in set(rows.equation):
         found = channel_of(label)

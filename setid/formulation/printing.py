@@ -38,7 +38,7 @@ def equation_text(
     left = text.removeprefix(" + ").lstrip()
     width, name = 0.0, ""
     if equation.error and equation.output is not None:
-        width = float(noise.bounds(data)[2][sample, equation.output])
+        width = float(noise.bounds(data).equation[sample, equation.output])
         number = int(layout.group("e")[sample, equation.output])
         name = layout.names[number] if number >= 0 else ""
     if name:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
+from setid.data.noise import NoiseBounds
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError
 from setid.formulation.compiler import Planned, plan
@@ -223,7 +224,7 @@ def rows_of_readings(
     model: Structure,
     equations: Sequence[Equation],
     names: tuple[str, ...],
-    bounds: tuple[Reals, Reals, Reals] | None = None,
+    bounds: NoiseBounds | None = None,
 ) -> Regression:
     """Build rows of equations of outputs for a record, in coordinates in which they are linear.
 
@@ -236,9 +237,8 @@ def rows_of_readings(
         What the model says of its outputs.
     names : tuple of str
         Of the coordinates.
-    bounds : output noise, input noise, equation error, optional
-        As :meth:`Noise.bounds` gives them; readings count as exact when left out, and rows with
-        gaps are left out.
+    bounds : NoiseBounds, optional
+        Readings count as exact when left out, and rows with gaps are left out.
 
     Raises
     ------
@@ -246,7 +246,8 @@ def rows_of_readings(
         If no row is left.
     """
     if bounds is None:
-        bounds = np.zeros(data.y.shape), np.zeros(data.u.shape), np.zeros(data.y.shape)
+        output, input = np.zeros(data.y.shape), np.zeros(data.u.shape)
+        bounds = NoiseBounds(output, input, output)
         gap = np.tile([-np.inf, np.inf], (data.samples, 1))
         channels = [("y", data.outputs), ("u", data.inputs)]
         ranges = {f"{letter}{i + 1}": gap for letter, count in channels for i in range(count)}
@@ -257,14 +258,14 @@ def rows_of_readings(
         f"{letter}{channel + 1}": measured(
             column, bound[:, channel], none, none, ranges[f"{letter}{channel + 1}"]
         )
-        for letter, values, bound in (("y", data.y, bounds[0]), ("u", data.u, bounds[1]))
+        for letter, values, bound in (("y", data.y, bounds.output), ("u", data.u, bounds.input))
         for channel, column in enumerate(values.T)
     }
     driven = driven_signals(data, model)
     usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
     plans = plan(equations, data, usable, model.initial)
     columns: dict[tuple[str, ...], int] = {(name,): place for place, name in enumerate(names)}
-    found = rows_of(plans, columns, names, data, signals | driven, bounds[2])
+    found = rows_of(plans, columns, names, data, signals | driven, bounds.equation)
     if not found.target.size:
         raise DataError(f"data: found {data.samples} samples and no complete row, expected more")
     return found

@@ -19,6 +19,7 @@ from math import inf, isfinite, nextafter
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.data.noise import NoiseBounds
 from setid.data.record import IOData
 from setid.models.checked_structures import regression_of
 from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
@@ -206,11 +207,10 @@ def _rests(
 
 
 Interval = tuple[float, float]
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
 def missing_ranges(
-    data: IOData, model: Structure, bounds: Bounds, parameters: Mapping[str, Interval]
+    data: IOData, model: Structure, bounds: NoiseBounds, parameters: Mapping[str, Interval]
 ) -> dict[str, NDArray[np.float64]]:
     """Take low and high ends for the missing samples of each measured signal.
 
@@ -218,8 +218,7 @@ def missing_ranges(
     ----------
     data : IOData
     model : Structure
-    bounds : tuple of arrays
-        Noise bounds of outputs, inputs and equations.
+    bounds : NoiseBounds
     parameters : mapping of str to (low, high)
         What priors say of the parameters.
 
@@ -253,12 +252,12 @@ def _implied(
     equation: Equation,
     sample: int,
     data: IOData,
-    bounds: Bounds,
+    bounds: NoiseBounds,
     parameters: Mapping[str, Interval],
     ranges: Mapping[str, NDArray[np.float64]],
 ) -> Interval:
     """Range of the defined sample: minus the other terms, plus the equation error."""
-    error = float(bounds[2][sample, equation.output])
+    error = float(bounds.equation[sample, equation.output])
     total = (-error, error)
     for item in equation.terms[1:]:
         factors = [parameters.get(name, (-inf, inf)) for name in item.parameters]
@@ -273,7 +272,7 @@ def _signal(
     lagged: Lagged,
     sample: int,
     data: IOData,
-    bounds: Bounds,
+    bounds: NoiseBounds,
     ranges: Mapping[str, NDArray[np.float64]],
 ) -> Interval:
     place = sample - lagged.lag
@@ -287,7 +286,7 @@ def _signal(
     if np.isnan(value):
         low, high = ranges[lagged.signal][place].tolist()
         return low, high
-    width = float(bounds[0 if output else 1][place, channel])
+    width = float((bounds.output if output else bounds.input)[place, channel])
     return (value, value) if width == 0.0 else plus((value, value), (-width, width))
 
 

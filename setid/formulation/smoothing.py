@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
+from setid.data.noise import NoiseBounds
 from setid.data.record import IOData
 from setid.formulation.regression import Regression
 from setid.formulation.signals import Integers, Reals
@@ -33,7 +34,7 @@ def smoothed(
     rows: Regression | None,
     data: IOData,
     model: Structure,
-    bounds: tuple[Reals, Reals, Reals],
+    bounds: NoiseBounds,
 ) -> Regression | None:
     """Append sums of the rows through filters where equations ask for it.
 
@@ -42,8 +43,7 @@ def smoothed(
     rows : Regression or None
     data : IOData
     model : Structure
-    bounds : bounds of output noise, input noise and equation error
-        As :meth:`Noise.bounds` gives them.
+    bounds : NoiseBounds
 
     Returns
     -------
@@ -120,7 +120,7 @@ def _summed(
     kept: Integers,
     weights: Reals,
     terms: list[_Term],
-    bounds: tuple[Reals, Reals, Reals],
+    bounds: NoiseBounds,
     start: int,
 ) -> tuple[NDArray[Any], ...]:
     """Sums of the rows of a run up to each of those that are kept."""
@@ -131,10 +131,13 @@ def _summed(
     regressors, radii = np.empty((run.size, len(rows.names))), np.empty((run.size, len(rows.names)))
     for column in range(len(rows.names)):
         regressors[:, column], radii[:, column] = _running(weights, rows.regressors[run, column])
-    radius = slack + np.convolve(weights, bounds[2][first : last + 1, channel])[: run.size] * grow
+    radius = (
+        slack + np.convolve(weights, bounds.equation[first : last + 1, channel])[: run.size] * grow
+    )
     for term in terms:
-        noise = bounds[0 if term.signal[0] == "y" else 1][:, int(term.signal[1:]) - 1]
-        width = _noise_width(weights, term.coefficients, noise[start:], first - start, run.size)
+        every = bounds.output if term.signal[0] == "y" else bounds.input
+        noise = every[start:, int(term.signal[1:]) - 1]
+        width = _noise_width(weights, term.coefficients, noise, first - start, run.size)
         if term.column < 0:
             radius = radius + width
         else:

@@ -50,7 +50,7 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
     """
     model, data = formulation.model, formulation.data
     assert isinstance(model, TransferFunction)
-    bounds = formulation.noise.bounds(data)[0]
+    bounds = formulation.noise.bounds(data).output
     stable = frozenset[tuple[str, ...]]().union(*(p.stable(model) for p in formulation.priors))
 
     def fit(output: SeparateOutput) -> OutputFit | None:

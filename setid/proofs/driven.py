@@ -50,7 +50,7 @@ def driven(formulation: Formulation) -> Formulation | None:
         return None
     if model.form in ("direct", DRIVEN):
         return None
-    if np.any(formulation.noise.bounds(formulation.data)[2] > 0):
+    if np.any(formulation.noise.bounds(formulation.data).equation > 0):
         return None  # an error of a sum of partial outputs is not one of the equation
     other = replace(model, form=DRIVEN, initial="free")
     return formulate(formulation.data, other, formulation.noise, _others(formulation, model))

@@ -157,9 +157,8 @@ def _structure(model: Any) -> dict[str, Any]:
 
 
 def _noise(formulation: Formulation) -> dict[str, Any]:
-    bounds = formulation.noise.bounds(formulation.data)
-    names = ("output", "input", "equation")
-    return {name: values.T.tolist() for name, values in zip(names, bounds, strict=True)}
+    bounds = formulation.noise.bounds(formulation.data)._asdict()
+    return {name: values.T.tolist() for name, values in bounds.items()}
 
 
 def _variables(layout: Layout, samples: int) -> list[Any]:

@@ -276,7 +276,7 @@ def _measured(
     upto = int(rows[-1]) + 1
     drives, spread = parts.drives[:, :upto], parts.drive_noise[:, :upto]
     found = enclosed(cells, len(parts.poles), drives, spread)
-    y, noise = formulation.data.y[:, 0], formulation.noise.bounds(formulation.data)[0][:, 0]
+    y, noise = formulation.data.y[:, 0], formulation.noise.bounds(formulation.data).output[:, 0]
     columns = tuple((column.lag, column.power) for column in parts.columns)
     if parts.initial:
         pole = Interval(cells[:, 0, :1], cells[:, 1, :1])

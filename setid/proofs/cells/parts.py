@@ -161,7 +161,7 @@ def _drives(
 ) -> tuple[tuple[tuple[str, ...], ...], Reals, Reals, Reals] | None:
     """Samples of what each product of parameters multiplies, and how far noise moves them."""
     data = formulation.data
-    bound = formulation.noise.bounds(data)[1]
+    bound = formulation.noise.bounds(data).input
     model = formulation.model
     assert isinstance(model, BlockStructured)
     driven = model.driven(data.u)

@@ -223,7 +223,7 @@ def problem_with_factor(
 
 def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
     """Bounds of the equation errors of rows, and the share of rounded readings."""
-    width, rows = formulation.noise.bounds(formulation.data)[2], formulation.rows
+    width, rows = formulation.noise.bounds(formulation.data).equation, formulation.rows
     found = {}
     for row, constraint in enumerate(formulation.problem.constraints):
         if rows.origin[row] == "model" and constraint.kind is sp.Kind.NONNEGATIVE:

@@ -263,7 +263,7 @@ def _past(formulation: Formulation, equation: Equation, cells: CellBox | None) -
     lags = [s.lag for t in equation.terms for s in t.signals if s.signal == equation.defines]
     before = slice(begin - max(lags), begin)
     y = formulation.data.y[before, channel]
-    bound = formulation.noise.bounds(formulation.data)[0][before, channel]
+    bound = formulation.noise.bounds(formulation.data).output[before, channel]
     return Past(begin, np.nextafter(y - bound, -np.inf), np.nextafter(y + bound, np.inf))
 
 
@@ -309,7 +309,7 @@ def half_spaces(formulation: Formulation, parts: Recursion, region: Region) -> C
         directions of the region.
     """
     signals, middle = parts.run(region), region.middle
-    data, bound = formulation.data, formulation.noise.bounds(formulation.data)[0]
+    data, bound = formulation.data, formulation.noise.bounds(formulation.data).output
     size = np.maximum(np.abs(region.lower), np.abs(region.upper))
     matrix, right = [], []
     for channel, name in enumerate(parts.outputs):

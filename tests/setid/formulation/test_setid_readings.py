@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 
 import setid
+from setid.data.noise import NoiseBounds
 from setid.formulation.regression import rows_of_readings
 from setid.models.equations import Equation, Lagged, Term
 
@@ -36,7 +37,9 @@ def widths() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_noise_of_each_channel_widens_the_rows() -> None:
     eta, xi, e = widths()
-    rows = rows_of_readings(setid.IOData(U, Y), MODEL, [SHARED], ("p", "q"), (eta, xi, e))
+    rows = rows_of_readings(
+        setid.IOData(U, Y), MODEL, [SHARED], ("p", "q"), NoiseBounds(eta, xi, e)
+    )
     assert rows.row.tolist() == list(range(1, SAMPLES)) and set(rows.output) == {2}
     for k, radius, radii in zip(rows.row, rows.radius, rows.radii, strict=True):
         own = Fraction(eta[k, 1]) + Fraction(e[k, 1])
