@@ -14,21 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
 from setid.bounding.engine import by_engine
-from setid.feasible_points.cascades import attained_result
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
 from setid.formulation.units import InUnits, in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.driven import driven, within_driven
-from setid.proofs.parameter_box import objectives
 from setid.result.assembling import Outcome, stated_problem
 from setid.result.identification import Identification
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["by_driven_rows"]
 
@@ -79,7 +77,7 @@ def by_driven_rows(
     p = len(formulation.parameters)
     if np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return by_engine(formulation, context, outcome, False, points, at_ends=False)
-    results = tuple(_best(scaled, formulation, points)) if points else ()
+    results = best_results(formulation, scaled, points)
     items = intervals_of(formulation, scaled, results, context.settings.tol)
     return context.result(formulation, items, replace(outcome, results=results))
 
@@ -119,15 +117,3 @@ def _with_offsets(formulation: Formulation, given: Reals) -> Reals | None:
             return None
         theta[place[name]] /= gain
     return theta
-
-
-def _best(
-    scaled: InUnits, formulation: Formulation, points: list[sp.ProvedPoint]
-) -> list[sp.Result]:
-    """Results of all ends that claim the best of the points, and no bound."""
-    found = []
-    for objective in objectives(formulation):
-        about = scaled.problem.with_objective(scaled.asked(objective)[0])
-        best = min((valued(point, about) for point in points), key=lambda point: point.value)
-        found.append(attained_result(about, best))
-    return found

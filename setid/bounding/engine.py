@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.bounding.attained import best_point
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
 from setid.bounding.long_records import is_long
@@ -35,7 +36,6 @@ from setid.result.assembling import (
 from setid.result.identification import Identification
 from setid.result.progress import Progress
 from sparsepop_py.budget import EARLY, Deadline
-from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["NO_BOX", "STOPPED", "by_engine", "points_at_ends", "recheck_results"]
 
@@ -170,8 +170,8 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     """Results that claim the best of known points where time ended before one was adopted."""
     made: list[sp.Result] = []
     for found in results:
-        if points and found.attained is None and found.status is not sp.Status.INFEASIBLE:
-            best = min((valued(point, found.problem) for point in points), key=lambda p: p.value)
+        if found.attained is None and found.status is not sp.Status.INFEASIBLE:
+            best = best_point(points, found.problem)
             found = replace(found, attained=best, upper_bound=best.value)
         made.append(found)
     return made

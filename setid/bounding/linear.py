@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.bounding.attained import attained_result
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
-from setid.feasible_points.cascades import attained_result
 from setid.feasible_points.linear_ends import linear_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units

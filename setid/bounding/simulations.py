@@ -10,11 +10,11 @@ from math import inf
 import numpy as np
 
 import sparsepop_py as sp
+from setid.bounding.attained import attained_result
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, is_open, report_ends
 from setid.feasible_points.cascades import (
     SimulatedEnds,
-    attained_result,
     box_near_ends,
     is_cascade,
     on_box,

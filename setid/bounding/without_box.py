@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
 from setid.bounding.engine import NO_BOX, STOPPED, points_at_ends
-from setid.feasible_points.cascades import attained_result
 from setid.feasible_points.start import first_point
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
-from setid.proofs.parameter_box import objectives
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.assembling import (
@@ -32,7 +31,6 @@ from setid.result.assembling import (
     unbounded_text,
 )
 from setid.result.identification import Identification
-from sparsepop_py.verified.points.feasible_point import valued
 
 __all__ = ["without_box"]
 
@@ -88,11 +86,4 @@ def _attained(
     upper[:p] = np.where(np.isfinite(upper[:p]), upper[:p], start[:p] + room)
     near = sp.Problem(problem.objective, problem.constraints, lower, upper, problem.names)
     points = points_at_ends(formulation, near, scaled, start, context.deadline.part(_SHARE))
-    if not points:
-        return ()
-    found = []
-    for objective in objectives(formulation):
-        about = scaled.problem.with_objective(scaled.asked(objective)[0])
-        best = min((valued(point, about) for point in points), key=lambda point: point.value)
-        found.append(attained_result(about, best))
-    return tuple(found)
+    return best_results(formulation, scaled, points)

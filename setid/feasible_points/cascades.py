@@ -9,12 +9,11 @@ searched and split.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, nan
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.feasible_points.fits.output_error import output_error_fit
@@ -30,13 +29,12 @@ from sparsepop_py.budget import Deadline
 
 __all__ = [
     "SimulatedEnds",
-    "attained_result",
-    "simulated_ends",
+    "box_near_ends",
     "cascade_of",
     "is_cascade",
     "on_box",
-    "box_near_ends",
     "point_of",
+    "simulated_ends",
 ]
 
 Reals = NDArray[np.float64]
@@ -223,30 +221,6 @@ def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
     internal = {name: values for name, values in signals.items() if name in layout.groups}
     rest = {"y": outputs, **{n: v for n, v in internal.items() if channel_of(n) is None}}
     return formulation.point(theta[: len(formulation.parameters)], output=known, signals=rest)
-
-
-def attained_result(about: sp.Problem, point: sp.ProvedPoint | None) -> sp.Result:
-    """Make a result of the engine that claims a point, and no bound.
-
-    Parameters
-    ----------
-    about : sparsepop_py.Problem
-    point : sparsepop_py.ProvedPoint or None
-    """
-    return sp.Result(
-        problem=about,
-        options=sp.Options(),
-        status=sp.Status.UNPROVED,
-        lower_bound=-inf,
-        upper_bound=inf if point is None else point.value,
-        x=None if point is None else point.x,
-        certificate=None,
-        attained=point,
-        points=(),
-        relaxation=None,
-        solution=None,
-        solver_value=nan,
-    )
 
 
 def _ends(formulation: Formulation, box: ProvedBox | None) -> tuple[Reals, Reals]:
