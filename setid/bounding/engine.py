@@ -37,10 +37,8 @@ from setid.result.identification import Identification
 from setid.result.progress import Progress
 from sparsepop_py.budget import EARLY, Deadline
 
-__all__ = ["NO_BOX", "STOPPED", "by_engine", "points_at_ends", "recheck_results"]
+__all__ = ["by_engine", "points_at_ends", "recheck_results"]
 
-NO_BOX = "time ended in the search for a box from the data: give more time"
-STOPPED = "interrupted in the search for a box from the data"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
 _LONG = 1000  # equations beyond which the engine solves no system at once

@@ -21,11 +21,11 @@ import sparsepop_py as sp
 from setid.bounding.context import BoundingContext
 from setid.bounding.driven_rows import by_driven_rows
 from setid.bounding.ends import is_closed, is_open
-from setid.bounding.engine import NO_BOX, STOPPED, by_engine
+from setid.bounding.engine import by_engine
 from setid.bounding.linear import at_linear_ends, by_linear_programs
 from setid.bounding.long_records import long_record
 from setid.bounding.simulations import by_simulation
-from setid.bounding.without_box import without_box
+from setid.bounding.without_box import NO_BOX, STOPPED, without_box
 from setid.data.checks import FrozenMapping
 from setid.feasible_points.cascades import (
     cascade_of,
@@ -55,7 +55,7 @@ _NOT_AT_REST = (
     f"denominators: {NOT_CLAIMED}"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_SEARCH = 10.0  # seconds at most, to find samples that contradict each other
 
 
 def bound_parameters(formulation: Formulation, context: BoundingContext) -> Identification:

@@ -16,7 +16,7 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
-from setid.bounding.engine import NO_BOX, STOPPED, points_at_ends
+from setid.bounding.engine import points_at_ends
 from setid.feasible_points.start import first_point
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
@@ -32,8 +32,10 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 
-__all__ = ["without_box"]
+__all__ = ["NO_BOX", "STOPPED", "without_box"]
 
+NO_BOX = "time ended in the search for a box from the data: give more time"
+STOPPED = "interrupted in the search for a box from the data"
 _ROOM = 4.0  # times an estimate, or 1: how far from it a search goes
 _SHARE = 0.5  # of the time left, for a common factor, and then of what is left for searches
 
