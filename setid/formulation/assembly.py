@@ -74,6 +74,11 @@ class Rows:
     sample: NDArray[np.int64]
     item: NDArray[np.int64]
 
+    @property
+    def samples(self) -> set[tuple[int, int]]:
+        """The samples that have a constraint, as (record, sample) from 1."""
+        return {*zip(self.record.tolist(), self.sample.tolist(), strict=True)} - {(0, 0)}
+
     def of_sample(self, k: int, record: int = 1) -> list[int]:
         """List constraints of sample k of a record.
 
@@ -130,7 +135,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     _check_errors(equations, bounds)
     ranges = missing_ranges(data, model, bounds, facts.bounds)
     driven = driven_signals(data, model)
-    usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
+    usable = usable_samples(data, ranges, driven)
     lifting = lift(equations) if _lifts(model) else Lifting(equations)
     plans = plan(lifting.equations, data, usable, model.initial)
     layout = _number(data, model, noise, priors, bounds, plans, lifting)

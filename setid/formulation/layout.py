@@ -148,14 +148,13 @@ class LayoutBuilder:
             pairs = zip(data.record.tolist(), sample.tolist(), strict=True)
             self._labels = [f"[{r + 1},{k}]" for r, k in pairs]
 
-    def named(self, group: str, names: Sequence[str]) -> NDArray[np.int64]:
+    def named(self, group: str, names: Sequence[str]) -> None:
         """Add one variable for each name."""
         first = len(self._names)
         self._names.extend(names)
         self._groups[group] = frozen(np.arange(first, first + len(names)))
-        return self._groups[group]
 
-    def samples(self, group: str, present: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def samples(self, group: str, present: NDArray[np.bool_]) -> None:
         """Add one variable for each sample that is present, shape (N,) or (N, channels)."""
         numbers = np.full(present.shape, -1)
         columns = present.reshape(len(present), -1)
@@ -166,7 +165,6 @@ class LayoutBuilder:
             flat[rows, channel] = len(self._names) + np.arange(rows.size)
             self._names.extend(label + self._labels[row] for row in rows.tolist())
         self._groups[group] = frozen(numbers)
-        return numbers
 
     def finish(self) -> Layout:
         """Make the layout, with all names distinct."""

@@ -83,15 +83,16 @@ class Regression(UncertainRows):
 
 
 def usable_samples(
-    data: IOData, ranges: Mapping[str, NDArray[np.float64]]
+    data: IOData, ranges: Mapping[str, Reals], driven: Mapping[str, Signal]
 ) -> dict[str, NDArray[np.bool_]]:
-    """Mark, for each measured signal, which samples are known or have a range."""
-    return {
+    """Mark which samples are known or have a range, of readings and of functions of inputs."""
+    read = {
         f"{letter}{channel + 1}": ~np.isnan(column)
         | np.isfinite(ranges[f"{letter}{channel + 1}"]).all(axis=1)
         for letter, values in (("y", data.y), ("u", data.u))
         for channel, column in enumerate(values.T)
     }
+    return read | {name: ~np.isnan(signal.known) for name, signal in driven.items()}
 
 
 def driven_signals(data: IOData, model: Structure) -> dict[str, Signal]:
@@ -185,7 +186,7 @@ def _rows(
     target, radius = np.zeros(count), np.zeros(count)
     regressors, radii = np.zeros((count, size)), np.zeros((count, size))
     for term in item.equation.terms:
-        ball = product(term.signals, dict(signals), item.rows, data.first, term.coefficient)
+        ball = product(term.signals, signals, item.rows, data.first, term.coefficient)
         if term.parameters:
             column = columns[tuple(sorted(term.parameters))]
             regressors[:, column] += ball.centre
@@ -262,7 +263,7 @@ def rows_of_readings(
         for channel, column in enumerate(values.T)
     }
     driven = driven_signals(data, model)
-    usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
+    usable = usable_samples(data, ranges, driven)
     plans = plan(equations, data, usable, model.initial)
     columns: dict[tuple[str, ...], int] = {(name,): place for place, name in enumerate(names)}
     found = rows_of(plans, columns, names, data, signals | driven, bounds.equation)

@@ -124,7 +124,7 @@ def _ball(low: Reals, high: Reals) -> tuple[Reals, Reals]:
 
 def product(
     factors: tuple[Lagged, ...],
-    signals: dict[str, Signal],
+    signals: Mapping[str, Signal],
     rows: Integers,
     first: Integers,
     coefficient: float = 1.0,
@@ -185,7 +185,7 @@ def _power(ball: Ball, power: int) -> Ball:
 
 
 def internal_range(
-    equation: Equation, signals: dict[str, Signal], rows: Integers, first: Integers
+    equation: Equation, signals: Mapping[str, Signal], rows: Integers, first: Integers
 ) -> tuple[Reals, Reals]:
     """Enclose the signal that an equation without parameters defines, at the rows."""
     low, high = np.zeros(rows.size), np.zeros(rows.size)
@@ -199,7 +199,7 @@ def internal_range(
 
 
 def _rests(
-    factors: tuple[Lagged, ...], signals: dict[str, Signal], rows: Integers, first: Integers
+    factors: tuple[Lagged, ...], signals: Mapping[str, Signal], rows: Integers, first: Integers
 ) -> NDArray[np.bool_]:
     """Find rows at which a factor is exactly 0, such as a sample before the record."""
     balls = [signals[factor.signal].ball(rows, factor.lag, first) for factor in factors]

@@ -114,9 +114,8 @@ def conflicting_samples(
     tuple of (record, sample)
         From 1; all samples with a row where no part of them could be left out.
     """
-    rows, end = formulation.rows, time.monotonic() + seconds
-    found = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
-    keys = tuple(sorted(found))
+    end = time.monotonic() + seconds
+    keys = tuple(sorted(formulation.rows.samples))
     known = _known(formulation)
     if formulation.products is not None and options is not None:
         known = None  # the engine's rows hold internal signals

@@ -329,11 +329,10 @@ def conflict(samples: tuple[tuple[int, int], ...], formulation: Formulation) -> 
         Records from 1, samples from 0.
     formulation : Formulation
     """
-    rows = formulation.rows
-    every = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
-    if len(samples) == len(every) > _FEW:
+    every = len(formulation.rows.samples)
+    if len(samples) == every > _FEW:
         return (
-            f"the equations of all {len(every)} samples that have one contradict each other "
+            f"the equations of all {every} samples that have one contradict each other "
             "together: no part of them was found"
         )
     return (
