@@ -27,7 +27,7 @@ from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.feasible_set.supports import Proposer
+from setid.feasible_set.proposer import Proposer
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import Regression, check_channels
 from setid.minimum_noise.conflicting_samples import samples_listed

@@ -24,7 +24,7 @@ from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import parameters_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.narrowing import narrowing_of
-from setid.feasible_set.supports import Proposer
+from setid.feasible_set.proposer import Proposer
 from setid.options import check_executor
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
 from setid.proofs.frequency.regions import frequency_regions, rounding_of

@@ -32,7 +32,7 @@ from setid.models.equations import Structure
 from setid.simulation.recursions import leading
 from setid.simulation.responses import begun, run
 
-__all__ = ["BestMember", "Goal", "best", "fit", "predicted", "simulated", "started"]
+__all__ = ["BestMember", "Goal", "best", "fit", "per_cent", "predicted", "simulated", "started"]
 
 Reals = NDArray[np.float64]
 Goal = Literal["simulation", "prediction"]

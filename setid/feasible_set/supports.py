@@ -12,7 +12,7 @@ from setid.feasible_set.proposer import Proposer
 from setid.proofs import supports as proved
 from setid.proofs.supports import Cover
 
-__all__ = ["Proposer", "cover_of", "supports"]
+__all__ = ["cover_of", "supports"]
 
 Reals = NDArray[np.float64]
 

@@ -26,7 +26,16 @@ from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.identification import Identification
 from setid.result.reports import active_priors
 
-__all__ = ["Outcome", "empty_result", "free_text", "result_of", "simpler_text", "unbounded_text"]
+__all__ = [
+    "Outcome",
+    "empty_result",
+    "free_text",
+    "result_of",
+    "signals_text",
+    "simpler_text",
+    "stated_problem",
+    "unbounded_text",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -350,7 +350,6 @@ def _left_inverse(step: LeftInverse, rows: Regression) -> dict[str, Any]:
 
 def _sign_tree(tree: SignTree, rows: Regression, box: Box, nodes: list[dict[str, Any]]) -> Box:
     """Append the nodes of a tree, children after their parents; the box that it proves."""
-    place = len(nodes)
     node: dict[str, Any] = {"split": tree.split, "children": [], "rows": [], "bounds": []}
     nodes.append(node)
     if tree.split >= 0:
@@ -380,7 +379,6 @@ def _sign_tree(tree: SignTree, rows: Regression, box: Box, nodes: list[dict[str,
             for n, value in bound.multipliers
         ]
         node["bounds"].append({"empty": bound.status is sp.Status.INFEASIBLE, "multipliers": pairs})
-    assert place >= 0
     if tree.bounds[0].status is sp.Status.INFEASIBLE:
         return np.full(box[0].size, np.inf), np.full(box[0].size, -np.inf)
     ends = np.array([bound.lower for bound in tree.bounds])

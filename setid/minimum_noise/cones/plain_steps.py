@@ -23,9 +23,11 @@ __all__ = [
     "Totals",
     "advanced",
     "backward",
+    "eliminated",
     "filtered_pairs",
+    "forward",
+    "paired_columns",
 ]
-__all__ += ["eliminated", "filtered_pairs", "forward", "paired_columns"]
 
 Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
