@@ -50,17 +50,20 @@ def table(result: FeasibleSet) -> str:
     head = line.format("parameter", "outer", "", "inner", "", "width", "status")
     lines = [head, "-" * len(head)]
     for item in result.intervals.values():
-        inner = ("-", "-")
-        if item.inner is not None:
-            inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
-        outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
-        if result.empty:
-            outer = ("empty", "")
-        lines.append(
-            line.format(item.name, *outer, *inner, rounded(item.width, True, 3), item.status)
-        )
+        ends = _ends(result, item, "-")
+        lines.append(line.format(item.name, *ends, rounded(item.width, True, 3), item.status))
     named = channels(result.formulation.data)
     return "\n".join(lines + ([named] if named else []))
+
+
+def _ends(result: FeasibleSet, item: ParameterInterval, none: str) -> tuple[str, str, str, str]:
+    """Round outer ends outwards and inner ends inwards; ``none`` stands for no inner end."""
+    if result.empty:
+        return "empty", "", none, none
+    inner = (none, none)
+    if item.inner is not None:
+        inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
+    return rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8), *inner
 
 
 def html(result: FeasibleSet, remarks: Remarks) -> str:
@@ -73,12 +76,9 @@ def html(result: FeasibleSet, remarks: Remarks) -> str:
     """
     rows = []
     for item in result.intervals.values():
-        inner = ("", "")
-        if item.inner is not None:
-            inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
-        outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
-        ends = ("empty", "", "", "") if result.empty else (*outer, *inner)
-        rows.append((item.name, *ends, rounded(item.width, True, 3), item.status))
+        rows.append(
+            (item.name, *_ends(result, item, ""), rounded(item.width, True, 3), item.status)
+        )
     head = ["parameter", "outer (proved)", "", "inner (attained)", "", "width", "status"]
     named = channels(result.formulation.data)
     return section(
@@ -103,7 +103,7 @@ def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     statuses = dict.fromkeys(item.status for item in known)
     helps = {IntervalStatus.PARTIAL: _help(result, known, remarks)}
     lines = [f"{status}: {helps.get(status, status.message)}" for status in statuses]
-    return lines + _centre(result) + _advice(result, remarks)
+    return lines + _centre(result) + _narrowing(result, remarks)
 
 
 def _help(result: FeasibleSet, items: list[ParameterInterval], remarks: Remarks) -> str:
@@ -130,7 +130,7 @@ def _help(result: FeasibleSet, items: list[ParameterInterval], remarks: Remarks)
 def _mixed(result: FeasibleSet) -> set[str]:
     """Find open parameters that no time settles, since their signals depend on each other."""
     loose = {n for n, item in result.intervals.items() if item.outer == (-np.inf, np.inf)}
-    loose = {n for n in loose if str(result.intervals[n].status) == "partial"}
+    loose = {n for n in loose if result.intervals[n].status is IntervalStatus.PARTIAL}
     return loose & set(dependent_parameters(result.formulation)) if loose else loose
 
 
@@ -253,7 +253,8 @@ def summary(result: FeasibleSet, remarks: Remarks) -> str:
     return "\n".join(lines)
 
 
-def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
+def _narrowing(result: FeasibleSet, remarks: Remarks) -> list[str]:
+    """Name wide intervals, and the samples and noise that keep them so; or what contradicts."""
     if result.empty:
         return [_conflicting(result, remarks)]
     lines = []
@@ -263,7 +264,7 @@ def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
         for item in result.intervals.values()
         if not item.width < 2 * _WIDE * abs(item.centre)
         and item.width > 0
-        and str(item.status) != "unidentifiable"
+        and item.status is not IntervalStatus.UNIDENTIFIABLE
         and item.name not in mixed
     ]
     if wide:
