@@ -1,4 +1,8 @@
-"""Read intervals off what is proved of their ends."""
+"""Read intervals off what is proved of their ends.
+
+With lower bounds l of theta_i and -u of -theta_i on a box [low, high], the outer interval is
+[max(l, low), min(u, high)]. The inner one reaches as far as points that are proved to exist.
+"""
 
 from __future__ import annotations
 

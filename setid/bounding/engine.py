@@ -1,4 +1,8 @@
-"""Bound parameters by the engine, all ends over one feasible set."""
+"""Bound parameters by the engine, all ends over one feasible set.
+
+It minimises theta_i and -theta_i for all i over the problem on the box, in units, from points near
+the ends where searches find some. It comes last: it closes what other methods leave open.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Bound parameters by simulations over regions, and by cones of denominators."""
+"""Bound parameters by simulations over regions, and by cones of denominators.
+
+Fits attain ends of the parameters. Then regions of parameters are tightened by what simulations say
+of the readings, and split, and cones of denominators are refuted, until the box is near these ends.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The centre of the outer box, its proved worst-case error, and its consistency."""
+"""The centre of the outer box, its proved worst-case error, and its consistency.
+
+It is (low + high) / 2, and no consistent parameter is further away than (high - low) / 2.
+"""
 
 from __future__ import annotations
 

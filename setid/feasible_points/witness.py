@@ -1,4 +1,9 @@
-"""The least noise with which given parameters explain a record, and proofs that it does."""
+"""The least noise with which given parameters explain a record, and proofs that it does.
+
+With the parameters fixed, rows are affine in the other unknowns. A linear program minimises s such
+that each noise sample is within s times its bound. Where unknowns are multiplied, the rows are
+linearised at its last solution.
+"""
 
 from __future__ import annotations
 

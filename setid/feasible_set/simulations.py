@@ -1,4 +1,9 @@
-"""Grow the tree of regions that proves a box of the parameters by simulations."""
+"""Grow the tree of regions that proves a box of the parameters by simulations.
+
+Over a region each output is affine in the parameters up to a remainder
+(:mod:`setid.proofs.simulated.forms`), so that readings give half spaces. Multipliers of these
+tighten the region. The one that reaches farthest beyond the attained ends is split first.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Find a box of the parameters from data and priors, by the fitting method."""
+"""Find a box of the parameters from data and priors.
+
+    rows linear in theta        linear programs by signs, then all rows together
+    a map behind a block        cells of the block's coefficients
+    rows in products of theta   bounds of the products, then of their factors
+
+It is the first stage after exact linear programs. The engine is asked only
+where all rows are taken together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Linear regression rows: what the data alone say of theta, noise included as widths."""
+"""Linear regression rows: what the data alone say of theta, noise included as widths.
+
+They are abs(Y + R theta) <= w0 + W abs(theta), one an output and sample.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Problems in which one more unknown, s, multiplies all noise bounds."""
+"""Search the least factor s on all noise bounds, by boxes of the parameters and by the engine.
+
+The largest factor that is looked at gives all noise bounds, and s in [0, 1] multiplies them
+(:func:`setid.proofs.least_noise.noise_scale.problem_with_factor`). A factor at which the rows leave
+no box is refuted. On a finite box the engine minimises s; without one a search only attains it.
+"""
 
 from __future__ import annotations
 

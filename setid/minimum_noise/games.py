@@ -1,4 +1,8 @@
-"""Matrix games, which weight multipliers of the rows."""
+"""Matrix games, which weight multipliers of the rows: max over p of min over q of p' T q.
+
+p and q are weights >= 0 of rows and columns, each of sum 1. The simplex method on the table,
+shifted until all entries are positive, gives both at once.
+"""
 
 from __future__ import annotations
 

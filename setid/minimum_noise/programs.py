@@ -1,4 +1,13 @@
-"""The least output noise for one denominator: a convex program in few unknowns."""
+"""The least output noise for one denominator: a convex program in few unknowns.
+
+Its outputs without noise are Z x, with the numerator and the first samples as x. The least noise is
+the least norm over x of (y - Z x) / w, with the noise bounds w: the largest, the sum, or the
+Euclidean one. The dual solution d gives the multiplier lambda of the rows,
+
+    sum_i a_i lambda(k + i)  =  d(k) / w(k),
+
+which is orthogonal to the columns of the numerator.
+"""
 
 from __future__ import annotations
 
