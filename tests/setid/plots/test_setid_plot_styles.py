@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from identified_cases import second_order
 from matplotlib.colors import to_rgb
 
 import setid
 
 STYLES = ["default", "dark_background"]
-
-
-@pytest.fixture(autouse=True)
-def closed() -> Iterator[None]:
-    yield
-    plt.close("all")
-
-
-@pytest.fixture(scope="module")
-def result() -> setid.Identification:
-    return second_order(samples=60)
 
 
 def selection() -> setid.Selection:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import builtins
 import io
-from collections.abc import Iterator
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from identified_cases import empty, first_order, identified, second_order
+from identified_cases import empty, first_order, identified
 
 import setid
 import sparsepop_py as sp
@@ -22,17 +21,6 @@ from setid.feasible_set.projections import project
 from setid.plots.axes import require_matplotlib
 from setid.plots.intervals import plot_intervals
 from setid.plots.responses import plot_frequency_band
-
-
-@pytest.fixture(autouse=True)
-def closed() -> Iterator[None]:
-    yield
-    plt.close("all")
-
-
-@pytest.fixture(scope="module")
-def result() -> setid.Identification:
-    return second_order(samples=60)
 
 
 def legend(ax) -> set[str]:
