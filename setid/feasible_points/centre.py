@@ -177,8 +177,7 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     array([0.1547, 0.1093])
     """
     check_result(result)
-    if result.empty:
-        raise SetidError("no parameters are consistent with the data: none has a distance")
+    result.require_members()
     low, high = result.outer_box
     values = real_array(theta, "theta", SetidError)
     if values.shape != low.shape:

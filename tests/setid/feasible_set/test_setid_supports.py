@@ -83,7 +83,8 @@ def test_an_infinite_box_gives_infinite_ranges() -> None:
 
 def test_an_empty_set_is_refused() -> None:
     nothing = empty(first_order().formulation)
-    for use in (cover_of, members, central, feasible, projection_estimate):
+    uses = cover_of, members, central, feasible, projection_estimate
+    for use in (*uses, lambda result: setid.worst_case_error(result, [0.0, 0.0])):
         with pytest.raises(setid.SetidError, match="empty feasible set"):
             use(nothing)
 
