@@ -43,7 +43,7 @@ from setid.result.assembling import (
     empty_result,
     result_of,
 )
-from setid.result.holdout import Holdout, members
+from setid.result.holdout import Holdout, priors_with_box
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress
 from sparsepop_py.budget import LimitReached
@@ -175,7 +175,7 @@ def _held_out(
     if found.empty or found.interrupted:
         return found
     known = found.formulation
-    given = members(known, found.intervals)
+    given = priors_with_box(known, found.intervals)
     left = _REST if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
     goes_on = from_unknown_start(known.model)  # a part goes on from the one before it

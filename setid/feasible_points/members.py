@@ -112,8 +112,7 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
     tries, start = draws_of(count, seed, "count")
     known = result.attained
     if not len(known):
-        point = _least_level(result)
-        known = np.zeros((0, len(result.formulation.parameters))) if point is None else point
+        known = _consistent_centre(result)
     if not len(known):
         raise SetidError(
             "result: found no consistent parameter vector to draw from; identify with a "
@@ -147,10 +146,12 @@ def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]
     return count, natural(seed, "seed", SetidError)
 
 
-def _least_level(result: FeasibleSet) -> Reals | None:
-    """The centre where it is a member, shape (1, p)."""
+def _consistent_centre(result: FeasibleSet) -> Reals:
+    """The centre where it is a member, (1, p), else none, (0, p)."""
     theta = result.middle
-    return None if theta is None or not is_member(result.formulation, theta) else theta[None, :]
+    if theta is None or not is_member(result.formulation, theta):
+        return np.zeros((0, len(result.formulation.parameters)))
+    return theta[None, :]
 
 
 def feasible(result: FeasibleSet) -> Reals:

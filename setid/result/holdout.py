@@ -19,7 +19,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.intervals import ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, scaled_noise, verify_scale
 
-__all__ = ["Holdout", "members", "stated"]
+__all__ = ["Holdout", "priors_with_box", "stated"]
 
 Intervals = Mapping[str, ParameterInterval]
 
@@ -110,7 +110,7 @@ class Holdout:
         return verdict if verdict else Verification(False, f"held-out samples: {verdict.reason}")
 
 
-def members(known: Formulation, intervals: Intervals) -> list[Any]:
+def priors_with_box(known: Formulation, intervals: Intervals) -> list[Any]:
     """Collect the priors of an identification, with its outer box as another.
 
     Parameters
@@ -140,7 +140,7 @@ def stated(
         The factor.
     """
     model = from_unknown_start(known.model)  # a part goes on from the one before it
-    given = members(known, intervals)
+    given = priors_with_box(known, intervals)
     return formulate(data, without_delta(model), scaled_noise(noise.bounds(data), limit), given)
 
 
