@@ -126,7 +126,7 @@ def test_stored_verdicts_that_do_not_follow_are_refused(case: Any) -> None:
             setid.Identification.from_json(changed(result, key, value))
     with pytest.raises(setid.SetidError):
         moved = json.loads(result.to_json())["result"]["holdout"]["data"]
-        moved["fields"]["y"]["data"] = [3.0 * v for v in moved["fields"]["y"]["data"]]
+        moved["fields"]["y"]["data"] = [0.1 * v for v in moved["fields"]["y"]["data"]]
         setid.Identification.from_json(changed(result, "data", moved))
 
 
