@@ -32,9 +32,11 @@ __all__ = [
     "new_axes",
     "over_time",
     "plain",
+    "remark",
     "require_matplotlib",
     "stacked_axes",
     "time_label",
+    "title",
 ]
 
 PROVED, ATTAINED = "#0072B2", "#D55E00"  # Okabe and Ito
@@ -134,6 +136,7 @@ def far(
     return np.clip(low, -_FAR, _FAR), np.clip(high, -_FAR, _FAR)
 
 
+_ABOVE = 14.0  # points: a title above a remark
 _ROOM = 0.5  # of the range of what a picture follows, above and below it
 
 
@@ -167,5 +170,16 @@ def clip(ax: Axes, shown: NDArray[np.float64], band: tuple[NDArray[Any], NDArray
     lines = [f"band clipped at {int(np.sum(beyond))} of {beyond.size} samples"]
     if np.any(silent):
         lines.append(f"fills the picture at {int(np.sum(silent))}")
-    ax.text(1.0, 1.01, ", ".join(lines), transform=ax.transAxes, fontsize="x-small", ha="right")
+    remark(ax, ", ".join(lines))
     return True
+
+
+def remark(ax: Axes, text: str) -> None:
+    """Write what a picture does not show above its right corner; nothing where there is no text."""
+    if text:
+        ax.text(1.0, 1.01, text, transform=ax.transAxes, fontsize="x-small", ha="right")
+
+
+def title(ax: Axes, text: str) -> None:
+    """Write a title, above a remark where there is one."""
+    ax.set_title(text, pad=_ABOVE if ax.texts else None)

@@ -8,7 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.feasible_points.best import per_cent
-from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time, plain
+from setid.plots.axes import (
+    ATTAINED,
+    COLOUR,
+    clip,
+    far,
+    fill_between,
+    ink,
+    over_time,
+    plain,
+    title,
+)
 
 if TYPE_CHECKING:
     from setid.analysis.fit import Fit
@@ -17,8 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 
 Reals = NDArray[np.float64]
-
-_ABOVE = 14.0  # points: a title above what is said of clipping
 
 
 def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
@@ -103,6 +111,5 @@ def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:
     """
     axes = plot_output_band(comparison.band, ax)
     for axis, value in zip(axes, comparison.fit, strict=True):
-        text = f"{comparison.band.mode}: fit {per_cent(np.array([value]))}"
-        axis.set_title(text, pad=_ABOVE if axis.texts else None)
+        title(axis, f"{comparison.band.mode}: fit {per_cent(np.array([value]))}")
     return axes

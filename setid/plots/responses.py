@@ -19,9 +19,11 @@ from setid.plots.axes import (
     ink,
     new_axes,
     plain,
+    remark,
     require_matplotlib,
     stacked_axes,
     time_label,
+    title,
 )
 
 if TYPE_CHECKING:
@@ -46,6 +48,9 @@ def plot_frequency_band(
     kind : {"bode", "nyquist", "nichols"}
     ax : matplotlib Axes, or two of them for a Bode plot, optional
 
+    A remark above the picture says at how many of the frequencies drawn it is clipped, since a gain
+    may be zero or has no proved end, and at how many any phase is possible.
+
     Returns
     -------
     array of two matplotlib Axes for a Bode plot, else matplotlib Axes
@@ -62,13 +67,13 @@ def plot_frequency_band(
 
 def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:
     axes = stacked_axes(given, 2, 2.4)
-    nominal = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
-    angle = np.degrees(np.unwrap(np.angle(band.nominal)))
+    nominal, angle = _nominal(band)
     omega, decibel, phase = _everywhere(band)
-    for ax, ends, centre, label in (
-        (axes[0], _finite(decibel), nominal, "magnitude, dB"),
-        (axes[1], np.degrees(phase), angle, "phase, degrees"),
+    for ax, ends, centre, label, said in (
+        (axes[0], _finite(decibel, nominal), nominal, "magnitude, dB", _of_gains(decibel)),
+        (axes[1], np.degrees(phase), angle, "phase, degrees", _of_phases(phase)),
     ):
+        remark(ax, said)
         ax.fill_between(omega, *ends.T, color=COLOUR[band.kind], alpha=0.35, lw=0, label=band.kind)
         ax.semilogx(band.omega, centre, color=ink(), lw=1, label="nominal")
         ax.set_ylabel(label)
@@ -76,7 +81,7 @@ def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:
     axes[0].legend(loc="best")
     where = "" if band.arcs is None else ", proved at all frequencies"
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
-    axes[0].set_title(plain(f"{output} from {input_}{where}"))
+    title(axes[0], plain(f"{output} from {input_}{where}"))
     axes[1].set_xlabel(plain(f"frequency, rad per {band.time_unit or 'unit of time'}"))
     return np.asarray(axes)
 
@@ -98,8 +103,11 @@ def _nyquist(band: FrequencyBand, given: Any) -> Axes:
     ax = new_axes(given, (5.5, 5.5))
     colour = COLOUR[band.kind]
     if band.kind == "proved":
-        for corners in band.regions[np.all(np.isfinite(band.regions), axis=1)]:
+        known = np.all(np.isfinite(band.regions), axis=1)
+        for corners in band.regions[known]:
             ax.fill(corners.real, corners.imag, color=colour, alpha=0.25, lw=0.3)
+        if left := int(np.sum(~known)):
+            remark(ax, f"nothing proved, nothing drawn at {left} of {known.size} frequencies")
         ax.fill([], [], color=colour, alpha=0.25, label="proved, at each frequency")
     else:
         ax.plot(band.regions.real, band.regions.imag, color=colour, alpha=0.3, lw=0.5)
@@ -115,14 +123,15 @@ def _nyquist(band: FrequencyBand, given: Any) -> Axes:
 
 def _nichols(band: FrequencyBand, given: Any) -> Axes:
     ax = new_axes(given, (5.5, 5.5))
-    decibel, phase = _finite(band.decibel), np.degrees(band.phase)
+    gains, angle = _nominal(band)
+    decibel, phase = _finite(band.decibel, gains), np.degrees(band.phase)
+    remark(ax, "\n".join(filter(None, (_of_gains(band.decibel), _of_phases(band.phase)))))
     for (low, high), (left, right) in zip(decibel, phase, strict=True):
         ax.fill(
             [left, right, right, left], [low, low, high, high], color=COLOUR[band.kind], alpha=0.2
         )
     ax.fill([], [], color=COLOUR[band.kind], alpha=0.2, label=f"{band.kind}, at each frequency")
-    gains = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
-    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=ink(), lw=1)
+    ax.plot(angle, gains, color=ink(), lw=1, label="nominal")
     ax.plot([-180], [0], "+", color=ink())
     ax.set_xlabel("phase, degrees")
     ax.set_ylabel("magnitude, dB")
@@ -131,11 +140,37 @@ def _nichols(band: FrequencyBand, given: Any) -> Axes:
     return ax
 
 
-def _finite(ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Infinite ends moved to where the eye takes them for the edge of the picture."""
-    known = ends[np.isfinite(ends)]
+def _nominal(band: FrequencyBand) -> tuple[Reals, Reals]:
+    """Decibels and degrees of the nominal response."""
+    with np.errstate(divide="ignore"):
+        decibel = np.asarray(20.0 * np.log10(np.abs(band.nominal)), np.float64)
+    return decibel, np.degrees(np.unwrap(np.angle(band.nominal)))
+
+
+def _finite(ends: Reals, nominal: Reals) -> Reals:
+    """Infinite ends moved to the edges of the picture, beyond all that is finite in it."""
+    shown = np.append(ends, nominal)
+    known = shown[np.isfinite(shown)]
     low, high = (known.min(), known.max()) if known.size else (-1.0, 1.0)
     return np.clip(ends, low - 20.0, high + 20.0)
+
+
+def _of_gains(decibel: Reals) -> str:
+    """Say at how many frequencies a gain has no end in the picture; empty where at none."""
+    zero, open_ = np.isneginf(decibel[:, 0]), np.isposinf(decibel[:, 1])
+    if not np.any(zero | open_):
+        return ""
+    text = f"gain clipped at {int(np.sum(zero | open_))} of {zero.size} frequencies"
+    parts = ((zero & ~open_, "may be 0 at"), (open_, "no largest proved at"))
+    return ", ".join([text, *(f"{what} {int(np.sum(at))}" for at, what in parts if np.any(at))])
+
+
+def _of_phases(phase: Reals) -> str:
+    """Say at how many frequencies any phase is possible; empty where at none."""
+    whole = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1.0 - 1e-9)
+    if not np.any(whole):
+        return ""
+    return f"any phase (full circle) at {int(np.sum(whole))} of {whole.size} frequencies"
 
 
 def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:

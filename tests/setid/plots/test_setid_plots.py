@@ -197,3 +197,40 @@ def test_the_width_about_a_parameter_of_zero_is_written_out() -> None:
     u, noise = [1, 1, -1, -1, 1], setid.Noise(equation=0.1)
     ax = setid.excitation(setid.TransferFunction(0, 2), [1.0, 0.0], u, noise).plot()
     assert [text.get_text() for text in ax.texts] == ["± 0.1, of zero"]
+
+
+def drawn_band(gains: list[list[float]], phases: list[list[float]]) -> setid.FrequencyBand:
+    """A proved band at three frequencies with a nominal response of gain 1, 0.001 and 1."""
+    regions = np.where(np.isfinite(gains)[:, :1] & np.isfinite(gains)[:, 1:], 1.0 + 0j, np.inf)
+    return setid.FrequencyBand(
+        kind="proved",
+        output=1,
+        input=1,
+        omega=np.array([0.1, 1.0, 2.0]),
+        nominal=np.array([1.0, 0.001, 1.0], complex),
+        magnitude=np.array(gains),
+        phase=np.array(phases),
+        regions=np.repeat(regions, 4, axis=1),
+    )
+
+
+def test_pictures_of_responses_say_what_they_clip() -> None:
+    band = drawn_band(
+        [[0.5, 2.0], [0.0, 2.0], [0.0, np.inf]], [[-0.1, 0.1], [-np.pi, np.pi], [0.0, 2 * np.pi]]
+    )
+    magnitude, phase = band.plot()
+    gains = "gain clipped at 2 of 3 frequencies, may be 0 at 1, no largest proved at 1"
+    angles = "any phase (full circle) at 2 of 3 frequencies"
+    assert [text.get_text() for text in magnitude.texts] == [gains]
+    assert [text.get_text() for text in phase.texts] == [angles]
+    assert [text.get_text() for text in band.plot("nichols").texts] == [f"{gains}\n{angles}"]
+    left = "nothing proved, nothing drawn at 1 of 3 frequencies"
+    assert [text.get_text() for text in band.plot("nyquist").texts] == [left]
+    drawn = magnitude.collections[0].get_paths()[0].vertices[:, 1]
+    assert drawn.min() == -80.0  # 20 dB below the nominal gain of -60 dB, the least that is finite
+
+
+def test_pictures_of_narrow_responses_have_no_remark() -> None:
+    band = drawn_band([[0.5, 2.0], [0.0005, 2.0], [0.5, 2.0]], [[-0.1, 0.1]] * 3)
+    for kind in ("bode", "nyquist", "nichols"):
+        assert not any(ax.texts for ax in np.ravel(band.plot(kind)))
