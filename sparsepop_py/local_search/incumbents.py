@@ -6,7 +6,7 @@ Every attained point carries a proof of existence.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -44,7 +44,7 @@ _GAIN = 0.05  # of the allowed gap: a point that gains less is not proved while 
 
 def search_incumbent(
     problem: Problem,
-    starts: list[NDArray[Any]],
+    starts: Iterable[NDArray[Any]],
     context: SolveContext,
     proved: float = -np.inf,
     brief: bool = False,
@@ -56,7 +56,8 @@ def search_incumbent(
     Parameters
     ----------
     problem : Problem
-    starts : list of (n,) float
+    starts : iterable of (n,) float
+        No more are taken from an iterator than are searched.
     context : SolveContext
         Options, deadline, allowed gap and incumbent.
     proved : float
@@ -138,13 +139,12 @@ def first_incumbent(
     """
     if not context.attains:
         return context, []
-    if context.repair is not None:
-        starts = (x for start in starts for x in _with_repaired(context, [start]))
     enough = _enough(context.problem, context, -np.inf)
     aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
     with _counted(context):
+        repaired = _with_repaired(context, starts)
         found, vectors = best_attained(
-            context.problem, starts, aim, _method(context), _end(context)
+            context.problem, repaired, aim, _method(context), _end(context)
         )
     return (context if found is None else replace(context, best=found)), vectors
 
@@ -157,10 +157,15 @@ def _repaired(context: SolveContext, start: NDArray[Any]) -> NDArray[np.float64]
     return point
 
 
-def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Put the repaired forms of starts before them; those that are feasible replace them."""
+def _with_repaired(context: SolveContext, starts: Iterable[NDArray[Any]]) -> Iterable[NDArray[Any]]:
+    """Put the repaired forms of starts before them; those that are feasible replace them.
+
+    Those of a list come before the whole list, those of an iterator each before its own start.
+    """
     if context.repair is None:
         return starts
+    if not isinstance(starts, list):
+        return (x for start in starts for x in _with_repaired(context, [start]))
     better = [_repaired(context, x) for x in starts]
     first = [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)]
     tolerance = context.options.tolerance
@@ -174,7 +179,7 @@ def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[ND
 
 def update_incumbent(
     context: SolveContext,
-    starts: list[NDArray[Any]],
+    starts: Iterable[NDArray[Any]],
     proved: float = -np.inf,
     brief: bool = False,
 ) -> tuple[SolveContext, list[NDArray[Any]]]:
@@ -183,7 +188,7 @@ def update_incumbent(
     Parameters
     ----------
     context : SolveContext
-    starts : list of (n,) float
+    starts : iterable of (n,) float
     proved : float
         A lower bound, -inf without one.
     brief : bool

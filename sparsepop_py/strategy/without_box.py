@@ -133,12 +133,11 @@ def bound_by_gram_matrices(
     context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
-    start, bound, starts_left = cpu_seconds(), None, list[NDArray[Any]]()
+    start, bound = cpu_seconds(), None
 
     def search(expected: float, found: CertifiedBound | None) -> SolveContext:
         nonlocal context, candidates
-        starts_left.extend(more_starts)
-        starts = starts_left if found is None else list(moment_candidates(found))
+        starts = more_starts if found is None else moment_candidates(found)
         context, more = update_incumbent(context, starts, expected)
         candidates = candidates + more
         return context
@@ -153,7 +152,7 @@ def bound_by_gram_matrices(
             proved = lower_bound(bound.certificate)
             for starts in (moment_candidates(bound), more_starts):
                 if not context.closed(proved):
-                    context, more = update_incumbent(context, list(starts), proved)
+                    context, more = update_incumbent(context, starts, proved)
                     candidates = candidates + more
             if context.best is old or context.closed(proved) or context.deadline.over:
                 break

@@ -1,6 +1,8 @@
 """Unconstrained problems without a box: exact Gram matrices, and those inside the cone."""
 
+from collections import Counter
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from sparsepop_py import problems
 from sparsepop_py.algebra import monomials
 from sparsepop_py.bounding import unconstrained
 from sparsepop_py.bounding.gram_rounding import exact_grams, where_terms_are
+from sparsepop_py.local_search import multistart
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
@@ -52,6 +55,23 @@ def test_minima_at_irrational_points_take_no_time_for_exact_matrices(monkeypatch
     assert result.status is sp.Status.OPTIMAL
     assert isinstance(result.certificate.root.argument, Identity)
     assert -1e-6 < result.lower_bound <= 0.0 <= result.upper_bound
+
+
+def test_no_start_is_searched_again_for_a_lower_aim(monkeypatch):
+    """Only the first one is: it gave an incumbent before anything was aimed at."""
+    x = sp.variables(14)
+    wells = sp.total((v**2 - 2) ** 2 + v for v in x)
+    starts, own = Counter(), multistart.local_search
+
+    def counted(problem, start, *rest):
+        starts[start.tobytes()] += 1
+        return own(problem, start, *rest)
+
+    monkeypatch.setattr(multistart, "local_search", counted)
+    tilted = sp.Problem(wells + sp.total(v * w for v, w in pairwise(x)))
+    assert sp.solve(tilted).status is sp.Status.OPTIMAL
+    assert len(starts) > 5
+    assert sum(starts.values()) <= len(starts) + 1
 
 
 def test_gram_matrices_inside_the_cone_need_no_box():
