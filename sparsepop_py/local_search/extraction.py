@@ -29,6 +29,7 @@ __all__ = ["candidates", "combine", "extract", "means"]
 
 _RANK = 1e-4  # of the largest eigenvalue: smaller ones count as zero
 _AGREE = 1e-3  # largest difference of candidates that agree, relative to max(1, abs(value))
+_VANISH = 1e-3  # share of the root of a second moment: a smaller first moment, or point, is 0
 _MOST = 16  # partial points that are kept
 _SEED = 20050  # any fixed number: extraction is deterministic
 Points = list[NDArray[np.float64]]
@@ -38,7 +39,8 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     """Extract candidate minimisers from the moments of a relaxation.
 
     A moment block with the constant determines the variables that are among its monomials. The
-    others are those of :func:`means`.
+    others are those of :func:`means`. Where the blocks give 0 to variables whose second moments
+    are not 0, minimisers come with both signs: a last point has the roots of these moments.
 
     Parameters
     ----------
@@ -70,10 +72,16 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
             found += [(b.clique, b.members, p) for b, p in zip(blocks, extracted, strict=True)]
     found.sort(key=lambda entry: entry[0])
     dimension, last = relaxation.problem.dimension, len(relaxation.cliques.members)
-    either, roots = _roots(relaxation, moments)
+    either = _without_first_moment(relaxation)
     if either.size:
-        found.append((last, either, [roots]))
-    return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
+        found.append((last, either, [_roots(relaxation, moments, either)]))
+    points = combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
+    vanishing = _vanishing(relaxation, moments, points)
+    if vanishing.size:
+        signed = points[0].copy()
+        signed[vanishing] = _roots(relaxation, moments, vanishing)
+        points.append(signed)
+    return points
 
 
 def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,8 +105,8 @@ def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]
     moments = np.append(1.0, y)
     number = relaxation.moment_numbers(_letters(relaxation))
     point = np.where(number > 0, moments[np.maximum(number, 0)], 0.0)
-    either, roots = _roots(relaxation, moments)
-    point[either] = roots
+    either = _without_first_moment(relaxation)
+    point[either] = _roots(relaxation, moments, either)
     return point
 
 
@@ -106,18 +114,31 @@ def _letters(relaxation: Relaxation) -> Words:
     return np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
 
 
-def _roots(
-    relaxation: Relaxation, moments: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Variables without a first moment, and roots of their second ones with signs that agree.
+def _without_first_moment(relaxation: Relaxation) -> NDArray[np.int64]:
+    return np.flatnonzero(relaxation.moment_numbers(_letters(relaxation)) < 0)
 
-    Where a square is no moment either, that of a product is divided by its known factor. Few
+
+def _vanishing(
+    relaxation: Relaxation, moments: NDArray[np.float64], points: Points
+) -> NDArray[np.int64]:
+    """List the variables that are 0 at all points, but whose second moments are not."""
+    number = relaxation.moment_numbers(np.repeat(_letters(relaxation), 2, axis=1))
+    root = np.sqrt(np.maximum(np.where(number > 0, moments[np.maximum(number, 0)], 0.0), 0.0))
+    largest = np.abs(points).max(axis=0)
+    return np.flatnonzero((root > _VANISH) & (largest <= _VANISH * root))
+
+
+def _roots(
+    relaxation: Relaxation, moments: NDArray[np.float64], either: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Compute roots of second moments of variables, with signs that agree.
+
+    Where a square is no moment, that of a product is divided by its known factor. Few
     relaxations come to the graph: networkx, which takes a tenth of a second, is loaded for it.
     """
-    letters, words = _letters(relaxation), monomials.widen(relaxation.moments, 2)
-    either = np.flatnonzero(relaxation.moment_numbers(letters) < 0)
     if not either.size:
-        return either, np.zeros(0)
+        return np.zeros(0)
+    letters, words = _letters(relaxation), monomials.widen(relaxation.moments, 2)
     number = relaxation.moment_numbers(np.repeat(letters[either], 2, axis=1))
     known = either[number > 0]
     point = np.zeros(letters.size)
@@ -140,7 +161,7 @@ def _roots(
                 point[far] = np.copysign(point[far], product * point[near])
             elif point[near]:
                 point[far] = product / point[near]
-    return either, point[either]
+    return point[either]
 
 
 class _Block(NamedTuple):

@@ -1,5 +1,7 @@
 """Atoms of known measures are recovered from their moments."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -154,6 +156,25 @@ def test_roots_that_are_both_known_take_signs_from_their_product():
     moments = monomials.evaluate(relaxation.moments, atoms).mean(axis=0)
     for found in (means(relaxation, moments), candidates(relaxation, moments)[0]):
         assert f(found) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_first_moments_that_vanish_hide_no_minimiser():
+    """x y is least on the unit disc at (1, -1) / sqrt(2) and at its negative, in the mean 0."""
+    x, y, z = sp.variables(3)
+    relaxation = sp.relax(sp.Problem(x * y + z**2, [x**2 + y**2 <= 1]), 1)
+    atoms = np.sqrt(0.5) * np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])
+    moments = monomials.evaluate(relaxation.moments, atoms).mean(axis=0)
+    *_, last = candidates(relaxation, moments)
+    assert np.allclose(last * np.sign(last[0]), atoms[0])
+
+
+def test_products_of_neighbours_on_discs_are_attained_at_once():
+    """x_i x_{i+1} >= -(x_i^2 + x_{i+1}^2) / 2 >= -1/2, and signs that alternate attain it."""
+    pairs = list(pairwise(sp.variables(41)))
+    problem = sp.Problem(sp.total(a * b for a, b in pairs), [a**2 + b**2 <= 1 for a, b in pairs])
+    result = sp.solve(problem)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.lower_bound <= -20.0 <= result.upper_bound
 
 
 def test_a_start_on_an_axis_of_symmetry_does_not_hide_the_minimiser():
