@@ -115,7 +115,7 @@ class _Program:
         if not self.hessian.nnz:
             return True
         used = np.unique(self.hessian.indices)
-        if used.size > BOUNDING.convex_variables:
+        if used.size > BOUNDING.convex_variables or self.hessian.nnz > BOUNDING.convex_entries:
             return False
         values = np.linalg.eigvalsh(self.hessian[used][:, used].toarray())
         return bool(values[0] >= -1e-9 * max(values[-1], 0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -86,6 +87,16 @@ def test_a_convex_form_falls_along_its_flat_direction():
     assert falling_ray(problem, result.attained, -result.ray) is None
     closed = sp.Problem((x - 2 * y) ** 2 - x, [x + y <= 7])
     assert falling_direction(closed) is None
+
+
+def test_chains_of_many_variables_are_recognised_as_convex():
+    """321 equal springs between 1 and -2 share a length of 3: each has 3 / 321."""
+    x = sp.variables(320)
+    ends = (x[0] - 1) ** 2 + (x[-1] + 2) ** 2
+    springs = ends + sp.total((a - b) ** 2 for a, b in pairwise(x))
+    result = sp.solve(sp.Problem(springs, [x[0] + x[-1] >= -2]))
+    assert result.status is sp.Status.OPTIMAL
+    assert 9 / 321 - 1e-9 <= result.lower_bound <= result.upper_bound <= 9 / 321 + 1e-6
 
 
 def test_forms_that_are_not_convex_are_left_alone():
