@@ -37,7 +37,7 @@ class Options:
         choice.
     progress : bool
         Whether to show bounds and seconds while it works: one changing line in a terminal or a
-        notebook, by tqdm where that is installed.
+        notebook, by tqdm where that is installed. ``result.report`` shows its parts so.
     unidentifiable : {"refuse", "report"}
         What :func:`identify` does with a block structure whose parameters are not unique for
         want of a normalisation: refuse, or report which ones these are, with proved

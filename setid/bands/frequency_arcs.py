@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.bands.branching import principal_frame, surveyed
+from setid.data.checks import frozen
 from setid.feasible_set.proposer import Proposer
 from setid.proofs.cells.cells import Cells
 from setid.proofs.frequency.arc_regions import ArcRegions, arc_regions
@@ -195,4 +196,4 @@ def _sorted(parts: list[ArcRegions]) -> ArcRegions:
     names = [field.name for field in fields(ArcRegions)]
     joined = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
     order = np.argsort(joined[0])
-    return ArcRegions(*(column[order] for column in joined))
+    return ArcRegions(*(frozen(column[order]) for column in joined))

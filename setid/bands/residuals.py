@@ -113,7 +113,7 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
         found = rows.target + rows.regressors @ extended
         bound = rows.radius + rows.radii @ np.abs(extended)
     return Residuals(
-        values,
+        frozen(np.array(values)),
         frozen(found),
         frozen(bound),
         rows.row,

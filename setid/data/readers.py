@@ -20,7 +20,7 @@ from sparsepop_py.compat.mat_structure import check_structure
 _DAMAGED: tuple[type[Exception], ...] = (ArithmeticError, LookupError, MemoryError)
 _DAMAGED += (NotImplementedError, TypeError, ValueError, zlib.error)  # FormatError is a ValueError
 
-__all__ = ["listed", "read_mat_columns", "stacked"]
+__all__ = ["listed", "read_mat_columns", "stacked", "vector"]
 
 
 def read_mat_columns(
@@ -84,3 +84,12 @@ def stacked(columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         lengths = [column.shape[0] for column in columns]
         raise DataError(f"channels: found {lengths} samples, expected equal numbers")
     return np.column_stack(columns)
+
+
+def vector(columns: NDArray[np.float64], path: object, name: str) -> NDArray[np.float64]:
+    """Take the only column (N,) of a variable; more than one is an error."""
+    if columns.shape[1] != 1:
+        raise DataError(
+            f"{path}: {name}: found {columns.shape[1]} columns, expected one time for each sample"
+        )
+    return columns[:, 0]

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.channels import labels, names_of, text_of, units_of
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of, word
 from setid.data.frames import check_indices, frame_column, series_names
-from setid.data.readers import listed, read_mat_columns, stacked
+from setid.data.readers import listed, read_mat_columns, stacked, vector
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
 from setid.errors import DataError, warn
@@ -330,7 +330,10 @@ class IOData:
         path: str | os.PathLike[str],
         u: str | Sequence[str] = "u",
         y: str | Sequence[str] = "y",
-        Ts: float = 1.0,
+        Ts: float | None = None,
+        *,
+        time: str | None = None,
+        time_unit: str = "",
     ) -> IOData:
         """Read a record from a MATLAB file (version 7 or older).
 
@@ -341,8 +344,12 @@ class IOData:
             Names of the variables, ``"u"`` and ``"y"`` when left out; several become channels side
             by side. Each may be a row or a column of N numbers. Then its name stays that of the
             channel; channels of matrices are u1, ... and y1, ...
-        Ts : float
-            Sampling time in the unit of time of your choice; 1 when left out.
+        Ts : float, optional
+            Sampling time; that of the variable ``time`` when left out, 1 without one.
+        time : str, optional
+            A variable of N times, checked as those of :meth:`from_csv`.
+        time_unit : str
+            Unit of the times.
 
         Returns
         -------
@@ -351,7 +358,7 @@ class IOData:
         Raises
         ------
         DataError
-            If the file or a variable cannot be read.
+            If the file or a variable cannot be read, or times do not fit.
 
         Examples
         --------
@@ -363,12 +370,19 @@ class IOData:
         [3.0, 4.0]
         """
         left, right = listed(u), listed(y)
-        arrays = read_mat_columns(path, [*left, *right])
-        inputs, outputs = arrays[: len(left)], arrays[len(left) :]
+        clock = [] if time is None else [time]
+        arrays = read_mat_columns(path, [*left, *right, *clock])
+        inputs, outputs = arrays[: len(left)], arrays[len(left) : len(left) + len(right)]
+        notes: tuple[str, ...] = ()
+        if time is not None:
+            stacked([arrays[-1], *inputs])  # which refuses other numbers of samples
+            Ts, notes = sampling_time(vector(arrays[-1], path, time), Ts, f"{path}, {time}")
         return cls(
             stacked(inputs),
             stacked(outputs),
-            Ts,
+            1.0 if Ts is None else Ts,
+            assumptions=notes,
+            time_unit=time_unit,
             input_names=left if all(one.shape[1] == 1 for one in inputs) else None,
             output_names=right if all(one.shape[1] == 1 for one in outputs) else None,
         )

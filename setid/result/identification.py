@@ -297,8 +297,9 @@ class Identification(FeasibleSet):
         validation : IOData, optional
             A record to compare with; that of the identification when left out.
         time_limit : float
-            Seconds for all bands together, which a smaller one widens. Where sets are wide they
-            take all of it; pictures come on top.
+            Seconds for estimates, bands and comparisons together; a smaller one widens bands.
+            Where sets are wide they take all of it. A band whose time is over may take 5 seconds
+            more, on long records longer; pictures and the verification come on top.
 
         Returns
         -------
@@ -308,6 +309,11 @@ class Identification(FeasibleSet):
         ------
         SolverNotFound
             If jinja2 or matplotlib is missing; the message says how to install them.
+
+        Notes
+        -----
+        A line in the terminal says what is worked on, unless the options of the identification
+        have ``progress=False``.
         """
         from setid.result.page import report
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import io
+import logging
 import os
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -35,6 +37,7 @@ from setid.result.json_ import to_json
 from setid.result.reports import advice, binding_kinds, conflict, html
 from sparsepop_py.errors import check_writable
 from sparsepop_py.files import as_path, write_text
+from sparsepop_py.progress import Line
 
 if TYPE_CHECKING:
     import jinja2
@@ -45,7 +48,10 @@ _STEPS = 50  # samples of a step response
 _MOST_STORED = 8_000_000  # characters of the stored result that a page carries
 _MOST_BINDING = 12  # samples named
 _MOST_PAIRS = 9  # pairs of channels whose responses are drawn
-_BAND_SECONDS = 20.0  # at most, for one band
+_MOST_SECONDS = 20.0  # for one estimate, band or comparison
+_BAR = 24  # characters of the progress line
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +88,10 @@ def report(
     validation : IOData, optional
         A record to compare with; that of the identification when left out.
     time_limit : float
-        Seconds for all bands together; each has the same share, and 20 seconds at most.
+        Seconds for the centre, the best members, all bands and comparisons together. Each has an
+        equal share of what is left, and 20 seconds at most. One whose time is over ends the step
+        that it has begun: of a band that may take 5 seconds, and on long records more. Pictures,
+        the stored result and its verification come on top.
 
     Returns
     -------
@@ -103,9 +112,16 @@ def report(
     check_writable(str(as_path(path)), "path")
     environment = _environment()
     plt = require_matplotlib()
-    with plt.style.context("default"):
-        sections = _sections(result, validation, time_limit)
-    verdict = result.verify()
+    pairs = [] if result.empty else _pairs(result)
+    count = 1 if result.empty else 2 * len(pairs) + 5
+    works = _Works(count, time_limit, Line(result.options.progress))
+    try:
+        with plt.style.context("default"):
+            sections = _sections(result, validation, pairs, works)
+        works.begin("verification")
+        verdict = result.verify()
+    finally:
+        works.line.close()
     page = environment.from_string(
         (files("setid.result") / "page.html").read_text(encoding="utf-8")
     ).render(
@@ -132,14 +148,46 @@ def _named(data: IOData) -> str:
     return f"{', '.join(data.output_names)} from {', '.join(data.input_names)}"
 
 
+class _Works:
+    """Time and progress of what a page needs. Mutable.
+
+    Parameters
+    ----------
+    count : int
+        Works that are to come.
+    time_limit : float
+        Seconds for them together.
+    line : Line
+        Where their names are shown.
+    """
+
+    def __init__(self, count: int, time_limit: float, line: Line) -> None:
+        self.line, self._count, self._done = line, count, 0
+        self._until = time.monotonic() + time_limit
+
+    def begin(self, name: str) -> float:
+        """Show and log a work by its name; returns the seconds that it has."""
+        full = round(_BAR * self._done / self._count)
+        shown = f"[{'#' * full}{'.' * (_BAR - full)}] {self._done}/{self._count} parts of the page"
+        self.line.draw(f"{shown}, {name} ...")
+        _LOG.debug("report: %s", name)
+        left = max(self._until - time.monotonic(), 0.0) / max(self._count - self._done, 1)
+        self._done = min(self._done + 1, self._count)
+        return min(left, _MOST_SECONDS)
+
+
 # ---- sections ---------------------------------------------------------------------------
 
 
 def _sections(
-    result: Identification, validation: IOData | None, time_limit: float
+    result: Identification,
+    validation: IOData | None,
+    pairs: list[tuple[int, int]],
+    works: _Works,
 ) -> list[Section]:
     formulation = result.formulation
     remarks = result._remarks()
+    said = advice(result, remarks, works.begin("centre"))
     found = [
         Section(
             "data",
@@ -162,34 +210,37 @@ def _sections(
             "intervals",
             "Intervals of the parameters",
             (
-                Part("html", html(result, remarks)),
+                Part("html", html(result, remarks, said)),
                 _picture("outer and inner intervals", result.plot),
             ),
         ),
     ]
     if not result.empty:
-        found += _uses(result, validation, time_limit)
+        found += _uses(result, validation, pairs, works)
     found += [
         Section("binding", "What binds", _binding(result)),
-        Section(
-            "narrowing", "What would narrow the intervals", (Part("list", advice(result, remarks)),)
-        ),
+        Section("narrowing", "What would narrow the intervals", (Part("list", said),)),
         Section("verify", "How to verify this", _verification(result)),
     ]
     return found
 
 
-def _uses(result: Identification, validation: IOData | None, time_limit: float) -> list[Section]:
+def _uses(
+    result: Identification,
+    validation: IOData | None,
+    pairs: list[tuple[int, int]],
+    works: _Works,
+) -> list[Section]:
     """Estimates, bands and residuals of a set with members."""
     about = "the validation record" if validation is not None else "the record itself"
-    pairs = _pairs(result)
-    seconds = min(time_limit / (2 * len(pairs) + 1), _BAND_SECONDS)
     modes: tuple[Mode, ...] = ("prediction", "simulation")
-    works = [partial(_compared, result, validation, mode, seconds) for mode in modes]
+    estimates = _guarded(lambda: _estimates(result, works))
+    bands = _bands(result, pairs, works)
+    outputs = [p for mode in modes for p in _guarded(_compared, result, validation, mode, works)]
     return [
-        Section("estimates", "Members to work with", tuple(_guarded(lambda: _estimates(result)))),
-        Section("bands", "Bands of all consistent models", _bands(result, pairs, seconds)),
-        Section("outputs", f"Outputs on {about}", tuple(p for w in works for p in _guarded(w))),
+        Section("estimates", "Members to work with", tuple(estimates)),
+        Section("bands", "Bands of all consistent models", bands),
+        Section("outputs", f"Outputs on {about}", tuple(outputs)),
         Section("residuals", "Residuals", tuple(_guarded(lambda: [_residuals(result)]))),
     ]
 
@@ -201,15 +252,13 @@ def _pairs(result: Identification) -> list[tuple[int, int]]:
     return every[:_MOST_PAIRS]
 
 
-def _bands(
-    result: Identification, pairs: list[tuple[int, int]], seconds: float
-) -> tuple[Part, ...]:
+def _bands(result: Identification, pairs: list[tuple[int, int]], works: _Works) -> tuple[Part, ...]:
     """Responses of each pair of channels, and static maps."""
-    works = [partial(work, result, *pair, seconds) for pair in pairs for work in (_bode, _step)]
+    drawn = [partial(work, result, *pair, works) for pair in pairs for work in (_bode, _step)]
     model, found = result.formulation.model, []
     if isinstance(model, BlockStructured):
-        works += [partial(_static, result, name) for name, _ in model.maps]
-    for work in works:
+        drawn += [partial(_static, result, name) for name, _ in model.maps]
+    for work in drawn:
         found += [part for part in _guarded(work) if part not in found]  # one note for all pairs
     left = model.outputs * model.inputs - len(pairs)
     if left:
@@ -217,12 +266,14 @@ def _bands(
     return tuple(found)
 
 
-def _bode(result: Identification, output: int, input: int, seconds: float) -> list[Part]:
+def _bode(result: Identification, output: int, input: int, works: _Works) -> list[Part]:
+    seconds = works.begin(f"frequency response of y{output} from u{input}")
     band = frequency_band(result, output=output, input=input, time_limit=seconds)
     return [_picture(f"gain and phase, {band.kind}", band.plot)]
 
 
-def _step(result: Identification, output: int, input: int, seconds: float) -> list[Part]:
+def _step(result: Identification, output: int, input: int, works: _Works) -> list[Part]:
+    seconds = works.begin(f"step response of y{output} from u{input}")
     drawn = partial(step_band, result, _STEPS, output=output, input=input)
     try:
         band = drawn(time_limit=seconds)
@@ -241,14 +292,16 @@ def _residuals(result: Identification) -> Part:
     return _picture(caption, residuals(result).plot)
 
 
-def _estimates(result: Identification) -> list[Part]:
+def _estimates(result: Identification, works: _Works) -> list[Part]:
     rows, notes = [], []
     names = result.formulation.parameters
     if result.middle is not None:
         rows.append(("centre of the box", *(f"{v:.6g}" for v in result.middle), ""))
-    for goal in ("simulation", "prediction"):
+    goals: tuple[Mode, ...] = ("simulation", "prediction")
+    for goal in goals:
+        seconds = works.begin(f"best member in {goal}")
         try:
-            member = best(result, goal)
+            member = best(result, goal, seconds)
         except SetidError as error:
             notes.append(Part("note", f"best in {goal}: {error}"))
             continue
@@ -258,8 +311,9 @@ def _estimates(result: Identification) -> list[Part]:
 
 
 def _compared(
-    result: Identification, validation: IOData | None, mode: Mode, seconds: float
+    result: Identification, validation: IOData | None, mode: Mode, works: _Works
 ) -> list[Part]:
+    seconds = works.begin(f"{mode} of the outputs")
     found = compare(result, validation, mode, time_limit=seconds)
     return [Part("code", found.summary()), _picture(f"{mode}: readings and band", found.plot)]
 
@@ -342,10 +396,10 @@ def _structure(result: Identification) -> Part:
 # ---- pictures ---------------------------------------------------------------------------
 
 
-def _guarded(work: Callable[[], Iterable[Part]]) -> list[Part]:
+def _guarded(work: Callable[..., Iterable[Part]], *given: Any) -> list[Part]:
     """Parts, or a note why there are none."""
     try:
-        return list(work())
+        return list(work(*given))
     except (SetidError, sp.ProblemError) as error:
         return [Part("note", f"Not available: {error}")]
 

@@ -66,13 +66,15 @@ def _ends(result: FeasibleSet, item: ParameterInterval, none: str) -> tuple[str,
     return rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8), *inner
 
 
-def html(result: FeasibleSet, remarks: Remarks) -> str:
+def html(result: FeasibleSet, remarks: Remarks, said: list[str] | None = None) -> str:
     """Write intervals and what they rest on as HTML for notebooks.
 
     Parameters
     ----------
     result : FeasibleSet
     remarks : Remarks
+    said : list of str, optional
+        The advice, where it is known.
     """
     rows = []
     for item in result.intervals.values():
@@ -84,26 +86,28 @@ def html(result: FeasibleSet, remarks: Remarks) -> str:
     return section(
         repr(result.formulation.model) + (f": {named}" if named else ""),
         html_table(head, rows),
-        listing("remarks", advice(result, remarks)),
+        listing("remarks", advice(result, remarks) if said is None else said),
         listing("notes", remarks.notes),
         listing("taken for granted", remarks.assumptions),
     )
 
 
-def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
+def advice(result: FeasibleSet, remarks: Remarks, time_limit: float = 10.0) -> list[str]:
     """Write sentences on statuses, wide intervals and the samples that bind.
 
     Parameters
     ----------
     result : FeasibleSet
     remarks : Remarks
+    time_limit : float
+        Seconds for what is said of the centre; see :func:`setid.central`.
     """
     mixed = _mixed(result)
     known = [item for item in result.intervals.values() if item.name not in mixed]
     statuses = dict.fromkeys(item.status for item in known)
     helps = {IntervalStatus.PARTIAL: _help(result, known, remarks)}
     lines = [f"{status}: {helps.get(status, status.message)}" for status in statuses]
-    return lines + _centre(result) + _narrowing(result, remarks)
+    return lines + _centre(result, time_limit) + _narrowing(result, remarks)
 
 
 def _help(result: FeasibleSet, items: list[ParameterInterval], remarks: Remarks) -> str:
@@ -308,11 +312,11 @@ def _sensors(result: FeasibleSet) -> list[str]:
     ]
 
 
-def _centre(result: FeasibleSet) -> list[str]:
+def _centre(result: FeasibleSet, time_limit: float) -> list[str]:
     """The centre with its worst-case errors, where all intervals are finite."""
     if result.empty or not all(np.isfinite(item.width) for item in result.intervals.values()):
         return []
-    return [f"centre: {central(result)}"]
+    return [f"centre: {central(result, time_limit)}"]
 
 
 def _conflicting(result: FeasibleSet, remarks: Remarks) -> str:

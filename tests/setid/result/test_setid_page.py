@@ -6,6 +6,7 @@ import base64
 import builtins
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from html_cells import Cells
 
 import setid
 import sparsepop_py as sp
+from setid.result import page
+from sparsepop_py.progress import Line
 
 MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
 VOID = {"meta", "img"}  # tags that need no end
@@ -37,9 +40,9 @@ def test_a_page_is_complete_in_itself(tmp_path: Path) -> None:
     result = setid.identify(data, MODEL, setid.Noise(equation=0.05), [setid.Stable()])
     path = result.report(tmp_path / "out.html", data.split(20)[1])
     text = path.read_text(encoding="utf-8")
-    page = Page(text)
+    found = Page(text)
     assert "level & rate [m]" not in text and "level &amp; rate" in text
-    assert {"a1", "b1", "certified", "best in simulation"} <= set(page.cells)
+    assert {"a1", "b1", "certified", "best in simulation"} <= set(found.cells)
     for name in ("data", "assumptions", "intervals", "bands", "residuals", "binding", "verify"):
         assert f'id="{name}"' in text
     assert "Verified again" in text and "Not available" not in text
@@ -100,6 +103,55 @@ def test_limits_of_pages_are_checked_first(tmp_path: Path, limit: Any) -> None:
     with pytest.raises(setid.SetidError, match="time_limit: found"):
         result.report(tmp_path / "out.html", time_limit=limit)
     assert not (tmp_path / "out.html").exists()
+
+
+def test_works_of_a_page_share_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(page, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    works = page._Works(3, 30.0, Line(False))
+    assert works.begin("one") == 10.0
+    clock[0] = 25.0  # it took longer, and the others have less
+    assert works.begin("two") == 2.5
+    clock[0] = 40.0
+    assert works.begin("three") == 0.0
+    assert page._Works(2, 100.0, Line(False)).begin("one") == 20.0
+
+
+@pytest.mark.parametrize("progress", [True, False])
+def test_a_page_says_what_it_works_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, progress: bool
+) -> None:
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
+    drawn: list[str] = []
+
+    class Recorder(Line):
+        def __init__(self, show: bool) -> None:
+            assert show is progress  # as of the identification
+
+        def draw(self, text: str) -> None:
+            drawn.append(text)
+
+        def close(self) -> None:
+            drawn.append("closed")
+
+    monkeypatch.setattr(page, "Line", Recorder)
+    monkeypatch.setattr(page, "_picture", lambda caption, draw: page.Part("note", caption))
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    result = setid.identify(data, model, noise, options=setid.Options(progress=progress))
+    result.report(tmp_path / "out.html", time_limit=1.0)
+    assert [text.split(", ")[-1] for text in drawn] == [
+        "centre ...",
+        "best member in simulation ...",
+        "best member in prediction ...",
+        "frequency response of y1 from u1 ...",
+        "step response of y1 from u1 ...",
+        "prediction of the outputs ...",
+        "simulation of the outputs ...",
+        "verification ...",
+        "closed",
+    ]
+    assert "7/7 parts of the page" in drawn[-2]
 
 
 def test_an_empty_set_gets_a_page_that_says_so(tmp_path: Path) -> None:
