@@ -5,14 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.channels import labels, names_of, text_of, units_of
-from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of, word
+from setid.data.checks import (
+    channels_of,
+    entries_of,
+    frozen,
+    natural,
+    number,
+    range_of,
+    starts_of,
+    word,
+)
 from setid.data.frames import check_indices, frame_column, series_names
 from setid.data.readers import listed, read_mat_columns, stacked, vector
 from setid.data.tables import Column, read_table
@@ -140,6 +149,12 @@ class IOData:
             )
         for channel in _constant_channels(inputs):
             warn(f"u: input {channel + 1} is constant; it excites only the static gain")
+
+    def __setstate__(self, state: list[Any]) -> None:
+        """Fill a copy or an unpickled record, whose arrays NumPy makes writable."""
+        for field, value in zip(fields(self), state, strict=True):
+            kept = frozen(value) if isinstance(value, np.ndarray) else value
+            object.__setattr__(self, field.name, kept)
 
     # ---- shape --------------------------------------------------------------------------
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from contextlib import suppress
 from pathlib import Path
 
@@ -206,12 +208,46 @@ def test_matlab_files(tmp_path: Path) -> None:
         setid.IOData.from_mat(tmp_path / "no.mat")
 
 
+def test_times_of_matlab_files_are_checked_as_those_of_tables(tmp_path: Path) -> None:
+    path = tmp_path / "rig.mat"
+    t = 5.0 + 0.02 * np.arange(6)
+    values = {"u": np.arange(6.0), "y": np.ones((6, 2)), "t": t, "late": t.copy(), "short": t[:4]}
+    values["late"][3:] += 0.02  # a sample is missing
+    values["near"] = t + np.where(np.arange(6) == 2, 0.002, 0.0)
+    scipy.io.savemat(path, values)
+    data = setid.IOData.from_mat(path, time="t", time_unit="s")
+    assert (data.Ts, data.time_unit, data.assumptions) == (0.02, "s", ())
+    assert setid.IOData.from_mat(path, Ts=0.02, time="t").Ts == 0.02
+    assert setid.IOData.from_mat(path).Ts == 1.0
+    (note,) = setid.IOData.from_mat(path, Ts=0.02, time="near").assumptions
+    assert "10 % of Ts" in note and f"{path}, near" in note
+    for name, Ts, message in (
+        ("late", None, "late: found an interval of 0.04 between samples 2 and 3"),
+        ("t", 0.1, "t: found intervals of 0.02 on average, expected Ts = 0.1"),
+        ("short", None, r"found \[4, 6\] samples, expected equal numbers"),
+        ("y", None, "found column 'y' for two signals"),
+        ("when", None, "found no variable 'when'"),
+    ):
+        with pytest.raises(setid.DataError, match=message):
+            setid.IOData.from_mat(path, time=name, Ts=Ts)
+    with pytest.raises(setid.DataError, match="y: found 2 columns, expected one time for each"):
+        setid.IOData.from_mat(path, u="u", y="t", time="y")
+
+
 def test_pictures() -> None:
     data = setid.IOData(np.arange(8).reshape(4, 2), [1, np.nan, 2, 3], starts=[0, 2])
     axes = data.plot()
     assert [axis.get_ylabel() for axis in axes] == ["y1", "u1", "u2"]
     assert len(axes[0].lines) == 2
     plt.close("all")
+
+
+def test_copies_of_records_are_read_only_too() -> None:
+    data = setid.IOData([1, 2, 3], [4, 5, np.nan], 0.1, y_range=(0, 9), time_unit="s")
+    for other in (copy.copy(data), copy.deepcopy(data), pickle.loads(pickle.dumps(data))):
+        assert repr(other) == repr(data) and np.array_equal(other.y, data.y, equal_nan=True)
+        for array in (other.u, other.y, other.starts, other.y_range):
+            assert not array.flags.writeable
 
 
 def test_printing() -> None:
