@@ -160,7 +160,8 @@ class Comparison:
     band : OutputBand
     fits : mapping of str to (ny,) float
         The same of ``"best member"``, ``"centre"`` and ``"least squares"``, as far as they
-        exist; least squares is that of the identification record, whatever the noise bounds.
+        exist, that of the nominal model first; least squares is that of the identification record,
+        whatever the noise bounds.
     advice : str
         For what an equation-error set is meant, where it is simulated; else empty.
 
@@ -183,8 +184,10 @@ class Comparison:
     def summary(self) -> str:
         """Describe the comparison in a few lines."""
         band = self.band
-        lines = [f"fit of the nominal model ({band.mode})  {per_cent(self.fit)}"]
-        lines += [f"fit of {name}  {per_cent(values)}" for name, values in self.fits.items()]
+        own, *others = self.fits or [""]  # the first one is that of the nominal model
+        named = f", the {own}" if own else ""
+        lines = [f"fit of the nominal model{named} ({band.mode})  {per_cent(self.fit)}"]
+        lines += [f"fit of {name}  {per_cent(self.fits[name])}" for name in others]
         lines.append(self._widths())
         many = len(band.reports) > 1
         for place, report in enumerate(band.reports, 1):
@@ -215,6 +218,8 @@ class Comparison:
         band, found = self.band, list[str]()
         if not np.any(np.isfinite(band.high - band.low)):
             return f"the {band.kind} band of models is infinite: nothing is proved"
+        if not np.any(np.isfinite(band.high - band.low) & ~band.silent):
+            return f"the {band.kind} band of models is no test of any reading"
         names, units = band.data.output_names, band.data.output_units
         for place, (low, high) in enumerate(zip(band.low.T, band.high.T, strict=True)):
             said = np.isfinite(high - low) & ~band.silent[:, place]

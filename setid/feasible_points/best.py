@@ -93,7 +93,8 @@ def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.
         What to make small: the error of outputs that are simulated from the inputs alone, or
         that of one-step predictions.
     time_limit : float
-        Seconds after which no further member is tried; on long records each takes some of a second.
+        Seconds after which no further step is begun and no further member tried; on long records
+        each takes some of a second.
 
     Returns
     -------
@@ -117,16 +118,17 @@ def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.
     """
     check_result(result)
     misfit = _misfit(result, goal)
-    begin, limit = time.monotonic(), seconds_of(time_limit)
+    limit = seconds_of(time_limit)
+    until = time.monotonic() + limit
     known = members(result, count=_MIXTURES, time_limit=0.5 * limit)
     theta = min(known, key=lambda t: _size(misfit(t)))
-    target = _unconstrained(result, misfit, theta)
+    target = _unconstrained(result, misfit, theta, until)
     if target is not None and is_member(result.formulation, target):
         theta = target
     elif (rows := _linear_rows(result)) is not None:
-        theta = _within_rows(misfit, theta, *rows)
+        theta = _within_rows(misfit, theta, *rows, until)
     else:
-        theta = _within_members(result, misfit, theta, target, begin + limit)
+        theta = _within_members(result, misfit, theta, target, until)
     theta, proved = _proved(result, theta, known.mean(axis=0))
     errors = misfit(theta)
     data, model = result.formulation.data, result.formulation.model
@@ -288,8 +290,17 @@ def _size(errors: Reals) -> float:
 # ---- descent ----------------------------------------------------------------------------
 
 
-def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals) -> Reals | None:
-    """The best of local minima from a member and from least squares, consistent or not."""
+def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals, until: float) -> Reals | None:
+    """The best of local minima from a member and from least squares, consistent or not.
+
+    A descent that is not over in time is left aside.
+    """
+
+    def timed(point: Reals) -> Reals:
+        if time.monotonic() >= until:
+            raise TimeoutError
+        return misfit(point)
+
     starts = [theta]
     try:
         starts.append(least_squares(result.formulation.data, result.formulation.model).theta)
@@ -299,7 +310,10 @@ def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals) -> Reals |
     for start in starts:
         if not np.isfinite(size := _size(misfit(start))) or size >= _HUGE:
             continue
-        found = gauss_newton(misfit, start, x_scale="jac", max_nfev=_STEPS)
+        try:
+            found = gauss_newton(timed, start, x_scale="jac", max_nfev=_STEPS)
+        except TimeoutError:
+            break
         if best_found is None or _size(found.fun) < best_found[0]:
             best_found = _size(found.fun), np.asarray(found.x, np.float64)
     return None if best_found is None else best_found[1]
@@ -319,10 +333,12 @@ def _linear_rows(result: FeasibleSet) -> tuple[Reals, Reals] | None:
     return left, np.concatenate([right, problem.upper[high], -problem.lower[low]])
 
 
-def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals) -> Reals:
+def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals, until: float) -> Reals:
     """Gauss-Newton steps over a polytope: a least-squares program with rows, then its step."""
     errors = misfit(theta)
     for _ in range(_STEPS):
+        if time.monotonic() >= until:
+            break
         jacobian = _jacobian(misfit, theta, errors)
         step = _nearest(jacobian, errors, matrix, right - matrix @ theta)
         if step is None:

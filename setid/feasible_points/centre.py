@@ -93,7 +93,8 @@ def _about(value: float, error: float) -> str:
 
 _MEMBERSHIP = {
     True: "consistent with the data, proved",
-    False: "proved not to be consistent with the data itself: use feasible() for a model",
+    False: "proved not to be consistent with the data itself: result.feasible is, where a member "
+    "is known",
     None: "whether it is consistent with the data is not proved",
 }
 

@@ -280,3 +280,11 @@ def test_a_numerator_that_normalise_fixes_is_named(tmp_path: Path) -> None:
             ask()
     found.report(str(tmp_path / "page.html"))
     assert "b1 fixed by normalise" in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_what_holds_between_frequencies_cannot_be_written_to(result: setid.Identification) -> None:
+    arcs = frequency_band(result, [0.5, 1.0], time_limit=0.0).arcs
+    assert arcs is not None
+    for name in ("centre", "half", "turn", "gain", "slope", "rectangles"):
+        assert not getattr(arcs, name).flags.writeable
+    assert not setid.residuals(result).theta.flags.writeable

@@ -74,6 +74,10 @@ def test_a_band_that_says_nothing_is_counted() -> None:
     lines = Comparison((), np.zeros(0), np.zeros(1), wide).summary()
     assert f"the band says nothing at 40 of {wide.data.samples} samples" in lines
     assert "says nothing" not in Comparison((), np.zeros(0), np.zeros(1), band).summary()
+    everywhere = np.full_like(band.low, 1e9)
+    none = replace(wide, reading_low=-everywhere, reading_high=everywhere)
+    shown = Comparison((), np.zeros(0), np.zeros(1), none).summary().splitlines()
+    assert shown[1] == "the proved band of models is no test of any reading"
 
 
 def test_pictures_follow_the_readings_and_say_what_is_clipped() -> None:

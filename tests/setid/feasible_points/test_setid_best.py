@@ -115,6 +115,9 @@ def test_comparison_shows_the_fits_of_member_centre_and_least_squares() -> None:
     expected = 100 * (1 - np.linalg.norm((y - v)[1:]) / np.linalg.norm(y[1:] - y[1:].mean()))
     assert found.fits["least squares"][0] == pytest.approx(expected)
     assert found.fit[0] == found.fits["best member"][0] > found.fits["centre"][0]
+    first, second = found.summary().splitlines()[:2]  # the nominal model is named, not repeated
+    assert first.startswith("fit of the nominal model, the best member (simulation)  ")
+    assert second.startswith("fit of centre  ")
     assert "meant for prediction" in found.summary()
     assert "meant for prediction" not in setid.compare(result, mode="prediction").summary()
 
@@ -170,3 +173,20 @@ def test_no_member_is_tried_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(setid.SetidError, match="time_limit: found"):
         setid.compare(result, mode="prediction", time_limit="long")  # type: ignore[arg-type]
     assert is_member(result.formulation, best(result, time_limit=0.0).theta)
+
+
+def test_no_step_is_begun_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    result, calls = biased(), []
+
+    def counted(model: setid.TransferFunction, theta: NDArray[np.float64], data: setid.IOData):
+        calls.append(theta)
+        return run(model, theta, data)
+
+    monkeypatch.setattr("setid.feasible_points.best.run", counted)
+    best(result, "simulation")
+    least = len(result.attained) + 4  # members, then the one that is taken: three errors, outputs
+    assert len(calls) > 3 * least
+    calls.clear()
+    found = best(result, "simulation", time_limit=0.0)
+    assert len(calls) <= least and found.proved
+    assert np.any(np.all(np.abs(result.attained - found.theta) <= 1e-2, axis=1))
