@@ -86,12 +86,22 @@ def _run(arguments: argparse.Namespace) -> int:
         data = _record(arguments, result.formulation.data)
     verdict = verify(result.evidence, data)
     if not verdict.ok:
-        print(f"NOT PROVED  {verdict.reason}")
+        print(f"NOT PROVED  {verdict.reason}{_other_length(data, result.formulation.data)}")
         return 1
     print("\n".join(_rests_on(result)))
     print(result.table())
     print("proved: outer and inner ends follow from the record, without any solver")
     return 0
+
+
+def _other_length(data: IOData | None, stored: IOData) -> str:
+    """Say how many samples a record has more or fewer than the stored one, if any."""
+    if data is None or data.samples == stored.samples:
+        return ""
+    return (
+        f": found {data.samples} samples, expected {stored.samples}; "
+        "--rows FIRST:END says which part was identified"
+    )
 
 
 def _rests_on(result: Identification) -> list[str]:

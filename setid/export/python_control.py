@@ -128,21 +128,24 @@ def to_control(
     draws_of(samples, seed)
     control = _control()
     formulation = result.formulation
-    model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)
+    model, Ts = formulation.model, formulation.data.Ts
     continuous = coefficients_of(model, 1, 1).continuous
     frequencies = grid(omega, Ts, continuous=continuous)
     base = 0 if continuous else Ts  # python-control's timebase
     single = model.inputs == model.outputs == 1
-    label = "sampled"
+    if kind == "proved" and not single:
+        raise ModelError(
+            f"kind: found 'proved' with {model.inputs} inputs and {model.outputs} outputs, "
+            "expected one of each, or kind='sampled'"
+        )
+    theta, label = _nominal(result), "sampled"
     if kind == "proved":
-        if not single:
-            raise ModelError("kind: proved radii are for one input and one output")
         band = frequency_band(result, frequencies, "proved")
         with np.errstate(divide="ignore", invalid="ignore"):
             around = frequency_response(model, theta, frequencies, Ts)
             radius = np.abs(band.regions - around[:, None]).max(axis=1) / np.abs(around) * _MORE
         label = "proved at the grid frequencies"
-    elif kind == "sampled":
+    else:
         thetas = np.vstack([theta, members(result, samples, seed)])
         radius = np.empty((frequencies.size, model.outputs, model.inputs))
         for i, j in np.ndindex(radius.shape[1:]):
@@ -150,8 +153,6 @@ def to_control(
             with np.errstate(divide="ignore", invalid="ignore"):
                 radius[:, i, j] = np.abs(responses / responses[0] - 1.0).max(axis=0)
         radius = radius[:, 0, 0] if single else radius
-    else:
-        raise SetidError(f"kind: found {kind!r}, expected 'sampled' or 'proved'")
     weight = None
     if single and np.all(np.isfinite(radius)):
         shape = _continuous_weight if continuous else _covering_weight

@@ -156,7 +156,17 @@ def test_another_record_is_refused(
     record, out = files
     record.write_text(ROWS.replace("2.0875", "2.08"))
     assert main(["verify", str(out), "--record", str(record)]) == 1
-    assert "NOT PROVED" in capsys.readouterr().out
+    assert capsys.readouterr().out == "NOT PROVED  the result belongs to other data\n"
+
+
+def test_a_record_of_another_length_asks_for_the_part(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = files
+    record.write_text(ROWS + "3,1\n")
+    assert main(["verify", str(out), "--record", str(record)]) == 1
+    assert "found 5 samples, expected 4; --rows FIRST:END" in capsys.readouterr().out
+    assert main(["verify", str(out), "--record", str(record), "--rows", "0:4"]) == 0
 
 
 def test_changed_claims_are_refused(files: tuple[Path, Path]) -> None:

@@ -92,6 +92,19 @@ def test_several_channels() -> None:
     assert np.all(models.radius > 0.0)
 
 
+def test_what_is_refused_is_refused_before_any_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = setid.TransferFunction(1, 1, 1, inputs=2, common_denominator=True)
+    noise = setid.Noise(equation=0.1)
+    u = np.random.default_rng(0).uniform(-1, 1, (20, 2))
+    data = setid.simulate_record(model, [-0.5, 1.0, 0.2], u, noise).data
+    found = identified(setid.formulate(data, model, noise))
+    monkeypatch.setattr("setid.export.python_control.best", lambda *_: pytest.fail("searched"))
+    with pytest.raises(setid.ModelError, match="found 'proved' with 2 inputs and 1 outputs"):
+        to_control(found, kind="proved")
+    with pytest.raises(setid.SetidError, match="omega"):
+        to_control(found, omega=[4.0])  # above the Nyquist frequency
+
+
 def test_delays_become_poles_at_zero() -> None:
     model = setid.TransferFunction(na=1, nb=2, nk=3)
     assert coefficients(model, np.array([-0.5, 1.0, 2.0])) == (
