@@ -18,6 +18,7 @@ from setid.models.general import BlockStructured
 from setid.simulation.responses import transfer_of
 from sparsepop_py.compat.mat import save
 from sparsepop_py.compat.output import cell
+from sparsepop_py.errors import check_writable
 from sparsepop_py.files import as_path, write_text
 
 __all__ = ["to_mat", "to_ureal", "ureal_script"]
@@ -41,6 +42,8 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     ------
     FormatError
         If ``path`` is no path.
+    ProblemError
+        If its folder does not exist.
 
     Examples
     --------
@@ -52,6 +55,7 @@ def to_mat(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     [[-0.5233, -0.3453], [1.9167, 2.1093]]
     """
     check_result(result)
+    check_writable(str(as_path(path)), "path")
     result.require_members()
     formulation, items = result.formulation, result.intervals.values()
     none = (np.nan, np.nan)
@@ -92,6 +96,8 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     ------
     ModelError
         If channels have no linear block between them, or more, or an interval is not finite.
+    ProblemError
+        If the folder of the script does not exist.
 
     Examples
     --------
@@ -101,6 +107,7 @@ def to_ureal(result: FeasibleSet, path: str | os.PathLike[str]) -> Path:
     >>> print(setid.to_ureal(result, "model.m").read_text().splitlines()[-1])
     G = tf([b0 0], [1 a1], 1);
     """
+    check_writable(str(as_path(path)), "path")
     write_text(path, ureal_script(result))
     return Path(path)
 

@@ -117,7 +117,8 @@ def report(
     works = _Works(count, time_limit, Line(result.options.progress))
     try:
         with plt.style.context("default"):
-            sections = _sections(result, validation, pairs, works)
+            said = advice(result, result._remarks(), works.begin("centre"))
+            sections = _sections(result, validation, pairs, works, said)
         works.begin("verification")
         verdict = result.verify()
     finally:
@@ -126,12 +127,18 @@ def report(
         (files("setid.result") / "page.html").read_text(encoding="utf-8")
     ).render(
         title=f"Identification of {_named(result.formulation.data)}",
-        verdict=f"{result.status}: {result.status.message} "
+        verdict=f"{_of_status(result, said)} "
         + ("Verified again for this page." if verdict else f"NOT VERIFIED: {verdict.reason}"),
         sections=sections,
     )
     write_text(path, page)
     return Path(path)
+
+
+def _of_status(result: Identification, said: list[str]) -> str:
+    """Take the sentence on the status from the advice, which does not advise what was used."""
+    lines = [line for line in said if line.startswith(f"{result.status}: ")]
+    return lines[0] if lines else f"{result.status}: {result.status.message}"
 
 
 def _environment() -> jinja2.Environment:
@@ -184,10 +191,10 @@ def _sections(
     validation: IOData | None,
     pairs: list[tuple[int, int]],
     works: _Works,
+    said: list[str],
 ) -> list[Section]:
     formulation = result.formulation
     remarks = result._remarks()
-    said = advice(result, remarks, works.begin("centre"))
     found = [
         Section(
             "data",

@@ -136,6 +136,17 @@ def test_what_is_no_path_is_named(path: Any) -> None:
             write(first_order(), path)
 
 
+@pytest.mark.parametrize("write", [setid.to_mat, setid.to_ureal])
+def test_a_folder_that_does_not_exist_is_named_before_the_search(
+    write: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[Any] = []
+    monkeypatch.setattr("setid.export.matlab_files.best", lambda *given: searched.append(given))
+    with pytest.raises(sp.ProblemError, match="expected a file in a directory that exists"):
+        write(first_order(), tmp_path / "nowhere" / "model.mat")
+    assert not searched
+
+
 def test_a_script_for_robust_control(tmp_path: Path) -> None:
     data = setid.IOData(U, Y, 0.25)
     model = setid.TransferFunction(na=1, nb=1, nk=1)

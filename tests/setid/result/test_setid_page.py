@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from html_cells import Cells
+from identified_cases import identified
 
 import setid
 import sparsepop_py as sp
@@ -152,6 +153,17 @@ def test_a_page_says_what_it_works_on(
         "closed",
     ]
     assert "7/7 parts of the page" in drawn[-2]
+
+
+def test_a_page_does_not_advise_the_prior_that_was_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("jinja2", reason="pages need jinja2, an optional extra")
+    monkeypatch.setattr(page, "_sections", lambda *given: [])
+    base = setid.formulate(record(0.05), MODEL, setid.Noise(output=0.05), [setid.Stable()])
+    result = identified(base, [(-1.0, 1.0), (-9.0, 9.0)])  # wide, nothing attained
+    text = result.report(tmp_path / "out.html").read_text(encoding="utf-8")
+    assert "no consistent parameters were found: give more time, or priors such as Box." in text
 
 
 def test_an_empty_set_gets_a_page_that_says_so(tmp_path: Path) -> None:
