@@ -29,7 +29,7 @@ from setid.priors.coefficients import Box, Given, parameters
 from setid.priors.transfer import Stable
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.result.damaged_texts import refused
+from setid.result.damaged_texts import as_verdict, refused
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from setid.result.json_parts import read, write
@@ -55,6 +55,7 @@ __all__ = [
     "Stable",
     "TransferFunction",
     "Verification",
+    "as_verdict",
     "consistent",
     "entries_of",
     "formulate",

@@ -14,7 +14,7 @@ from setid.control.certificates.arcs import Family, ratio_on_arcs
 from setid.control.certificates.certificate import StabilityCertificate
 from setid.control.certificates.small_gain import lags_of
 from setid.control.certificates.stored import plants_of
-from setid.control.engine import SetidError, Verification, frozen, natural
+from setid.control.engine import SetidError, Verification, as_verdict, frozen, natural
 from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["LoopMargins", "LoopStep", "loop_margins", "loop_step"]
@@ -46,14 +46,15 @@ class LoopMargins:
     phase: float
     certificate: StabilityCertificate = field(repr=False, compare=False)
 
+    @as_verdict
     def verify(self) -> Verification:
         """Verify the certificate, and prove the margins again from its record."""
         verdict = _certified(self.certificate)
         if not verdict:
             return verdict
         again = loop_margins(self.certificate)
-        low, high = again.gain
-        inside = low <= self.gain[0] <= 1.0 <= self.gain[1] <= high and self.phase <= again.phase
+        (low, high), (least, most) = again.gain, self.gain
+        inside = low <= least <= 1.0 <= most <= high and self.phase <= again.phase
         if not (inside and self.sensitivity >= again.sensitivity):
             return Verification(False, "a margin is larger than what is proved")
         return Verification(True)
@@ -66,7 +67,8 @@ class LoopStep:
     Parameters
     ----------
     time, nominal, low, high : (N,) float
-        ``low`` and ``high`` are proved; infinite where nothing is.
+        ``low`` and ``high`` are proved; infinite where nothing is. ``nominal`` is the response
+        with the plant in the middle of all consistent ones.
     certificate : StabilityCertificate
         What they are about.
     """
@@ -77,17 +79,21 @@ class LoopStep:
     high: Reals
     certificate: StabilityCertificate
 
+    @as_verdict
     def verify(self) -> Verification:
         """Verify the certificate, and prove the band again from its record."""
         verdict = _certified(self.certificate)
         if not verdict:
             return verdict
         again = loop_step(self.certificate, max(self.low.size, 1))
-        same = self.low.shape == self.high.shape == again.low.shape
+        same = self.low.shape == self.high.shape == self.nominal.shape == again.low.shape
         if not (same and np.array_equal(self.time, again.time)):
             return Verification(False, "the samples are not those of the response")
         if not (np.all(self.low <= again.low) and np.all(self.high >= again.high)):
             return Verification(False, "the band is narrower than what is proved")
+        near = (_ROOM - 1.0) * (again.high - again.low)
+        if not np.all(np.abs(self.nominal - again.nominal) <= near):
+            return Verification(False, "the nominal response is not that of the central plant")
         return Verification(True)
 
 

@@ -21,6 +21,7 @@ from setid.control.engine import (
     NoiseError,
     SetidError,
     Verification,
+    as_verdict,
     frozen,
     real_array,
 )
@@ -72,16 +73,14 @@ class Undershoot:
     noise: Noise | float
     tail: tuple[float, float]
 
+    @as_verdict
     def verify(self) -> Verification:
         """Draw every conclusion again from the record.
 
         Claims that are weaker than what follows are accepted, stronger ones are not.
         """
         low, high, texts = _noise_free(self.record, self.noise)
-        try:
-            ends = _ends(self.tail)
-        except SetidError as error:
-            return Verification(False, str(error))
+        ends = _ends(self.tail)
         verdict, depth, sample = _conclude(low, high)
         deep = self.depth[0] <= depth[0] and depth[1] <= self.depth[1]
         zeros, free = _zeros(low, high, _upward(self.record, ends))

@@ -108,13 +108,13 @@ def _table() -> Reals:
 
 
 def nowhere_above(array: Reals, other: Reals) -> bool:
-    """Check that no entry exceeds that of another array of its shape; NaN claims nothing.
+    """Check that no entry exceeds that of another array of its shape, NaN at the same places.
 
     Parameters
     ----------
     array, other : array of float
     """
-    return array.shape == other.shape and not np.any(array > other)
+    return np.array_equal(np.isnan(array), np.isnan(other)) and not np.any(array > other)
 
 
 def exp_negative(y: ArrayLike) -> Interval:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
-from functools import wraps
-from typing import TypeVar
 
-from setid import ParameterInterval, SetidError, Verification
-from setid.neural.arithmetic import quiet_overflow
+from setid import ParameterInterval, Verification
 
-__all__ = ["Status", "agreed", "same_intervals", "verdict"]
-
-Self = TypeVar("Self")
+__all__ = ["Status", "agreed", "same_intervals"]
 
 
 class Status(StrEnum):
@@ -81,25 +76,3 @@ def same_intervals(
         == (name, proved[name].outer, proved[name].inner, proved[name].status, (None, None))
         for name, one in stated.items()
     )
-
-
-def verdict(verify: Callable[[Self], Verification]) -> Callable[[Self], Verification]:
-    """Make a check return a verdict, also where fields do not fit each other.
-
-    Stored results come from anywhere: arrays of other shapes and missing parts are forgeries, for
-    which False is an answer and an exception is none.
-
-    Examples
-    --------
-    >>> verdict(lambda pair: agreed((pair[2] == 1, "it is not 1")))((0, 1))
-    Verification(ok=False, reason='the fields do not fit each other: tuple index out of range')
-    """
-
-    @wraps(verify)
-    def checked(self: Self) -> Verification:
-        try:
-            return quiet_overflow(verify)(self)
-        except (SetidError, ValueError, TypeError, LookupError, AttributeError) as error:
-            return Verification(False, f"the fields do not fit each other: {error}")
-
-    return checked

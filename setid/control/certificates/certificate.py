@@ -27,6 +27,7 @@ from setid.control.engine import (
     SetidError,
     TransferFunction,
     Verification,
+    as_verdict,
     natural,
     number,
     word,
@@ -95,7 +96,8 @@ class StabilityCertificate:
     model : TransferFunction
         Of the plant.
     parameters : ParameterSet or None
-        A polytope that contains every consistent plant.
+        A polytope that contains every consistent plant, as it was found: files do not keep it, and
+        ``verify`` makes it again without looking at this one.
     plant : Transfer or None
         A consistent plant with an unstable loop.
     margin : float or None
@@ -146,6 +148,7 @@ class StabilityCertificate:
         lines += [f"  would help: {text}" for text in self.help]
         return "\n".join(lines)
 
+    @as_verdict
     def verify(self) -> Verification:
         """Draw every conclusion again from the record, without a clock.
 
@@ -153,8 +156,7 @@ class StabilityCertificate:
         """
         from setid.control.certificates.stored import verify
 
-        with np.errstate(all="ignore"):
-            return verify(self)
+        return verify(self)
 
     def to_json(self) -> str:
         """Write the certificate with its record as JSON text."""

@@ -29,6 +29,7 @@ from setid.control.engine import (
     parsed,
     read,
     refused,
+    word,
     write,
 )
 from setid.control.engine import from_json as read_identification
@@ -53,6 +54,13 @@ _PARTS: tuple[str, ...] = (
 )
 _PARTS += ("reason", "assumptions", "help", "cells", "seconds")
 _SYSTEMS = ("controller", "reference", "plant")
+_TEXTS = ("assumptions", "help")
+_KINDS = {"data": IOData, "noise": Noise, "model": TransferFunction}
+_KINDS |= {"controller": Transfer, "reference": Transfer}
+_WORDS = {
+    "verdict": ("certified", "refuted", "open"),
+    "method": ("small_gain", "characteristic"),
+}
 _NARROW = 1e-9  # rad: no arc of a proof is as narrow
 _GAP = "the stored bounds of abs(Delta) do not cover all frequencies"
 _MORE_CELLS = 4  # times the cells of the first proof, and a few, before a check gives up
@@ -70,7 +78,13 @@ def verify(answer: StabilityCertificate) -> Verification:
     Verification
         True where the verdict, all bounds and what is said of them follow; an open verdict claims
         nothing but its bounds of abs(Delta), and that no plant is consistent, where it says so.
+
+    Raises
+    ------
+    SetidError
+        If a field is none that a certificate has.
     """
+    _check(answer)
     question = _question(answer)
     if not question.fits(answer):
         return Verification(False, "reason, conditions or assumptions are not those of the claim")
@@ -312,32 +326,32 @@ def from_json(text: str) -> StabilityCertificate:
 
 def _answer(found: dict[str, Any]) -> StabilityCertificate:
     parts: dict[str, Any] = {name: read(found[name], name) for name in _PARTS}
-    for name, kind in (("data", IOData), ("noise", Noise), ("model", TransferFunction)):
-        if not isinstance(parts[name], kind):
-            raise SetidError(
-                f"{name}: found {type(parts[name]).__name__}, expected {kind.__name__}"
-            )
-    for name, words in (
-        ("verdict", ("certified", "refuted", "open")),
-        ("method", ("small_gain", "characteristic")),
-    ):
-        if parts[name] not in words:
-            raise SetidError(f"{name}: found {parts[name]!r:.40}, expected one of {words}")
     systems: dict[str, Any] = {name: _read_system(found[name]) for name in _SYSTEMS}
-    if systems["controller"] is None or systems["reference"] is None:
-        raise SetidError("from_json: found no controller or reference model, expected both")
     arcs = entries_of(parts["arcs"], "arcs", "a list of arcs", SetidError)
     parts["arcs"] = tuple(_arc(arc, f"arcs[{k}]") for k, arc in enumerate(arcs))
-    texts = {name: _texts(parts[name], name) for name in ("assumptions", "help")}
+    texts = {name: _texts(parts[name], name) for name in _TEXTS}
     known = found["identification"]
-    answer = StabilityCertificate(
+    return StabilityCertificate(
         conditions=tuple(_condition(item) for item in found["conditions"]),
         parameters=None,
         identification=None if known is None else read_identification(json.dumps(known)),
         **(parts | systems | texts),
     )
+
+
+def _check(answer: StabilityCertificate) -> None:
+    """Refuse fields that no certificate has, wherever it comes from."""
+    for name, kind in _KINDS.items():
+        part = getattr(answer, name)
+        if not isinstance(part, kind):
+            raise SetidError(f"{name}: found {type(part).__name__}, expected {kind.__name__}")
+    for name, words in _WORDS.items():
+        word(getattr(answer, name), name, words, SetidError)
+    for k, arc in enumerate(entries_of(answer.arcs, "arcs", "a list of arcs", SetidError)):
+        _arc(arc, f"arcs[{k}]")
+    for name in _TEXTS:
+        _texts(getattr(answer, name), name)
     _check_numbers(answer)
-    return answer
 
 
 def _arc(found: Any, place: str) -> tuple[float, float, float]:

@@ -29,7 +29,8 @@ from setid.neural.contraction.lmi import (
 )
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, verdict
+from setid.neural.status import Status, agreed
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Condition", "Stability", "stability"]
@@ -215,7 +216,7 @@ class Stability:
         total = up(float(np.sum(gains)) * (1.0 + 1e-12))
         return np.asarray(up(up(total * states) + up(direct * inputs)), np.float64)
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Check all conditions that hold again, without any solver."""
         require_ieee()

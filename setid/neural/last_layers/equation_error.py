@@ -18,7 +18,8 @@ from setid.neural.arithmetic import (
     up,
 )
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
-from setid.neural.status import Status, agreed, verdict
+from setid.neural.status import Status, agreed
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
@@ -73,7 +74,7 @@ class EquationError:
                 raise ModelError(f"error: found {error!r:.60}, expected bounds >= 0, one an output")
         return -up(-self.low + width), up(self.high + width)
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Compute the claims again from the network and the record."""
         again = equation_error(self.net, self.data)

@@ -61,7 +61,8 @@ from setid.neural.last_layers.polytope import (
 )
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, same_intervals, verdict
+from setid.neural.status import Status, agreed, same_intervals
+from setid.result.damaged_texts import as_verdict
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
@@ -150,7 +151,7 @@ class LayerBand:
         count = int(np.count_nonzero(~np.isnan(self.reading_low)))
         return f"<LayerBand: {count} readings, {self.width:.4g} wide, {len(self.outside)} outside>"
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Draw the conclusions again from the stored multipliers, without any solver."""
         inner = self.result.verify()
@@ -261,7 +262,7 @@ class LastLayer:
         until = time.monotonic() + seconds_of(time_limit)
         return _band(self, self.data if data is None else data, None, until)
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
         if self.net.network.activation[-1] != "identity":

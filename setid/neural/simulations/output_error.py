@@ -36,7 +36,8 @@ from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork, check_record
 from setid.neural.simulations.forms import Form
 from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
-from setid.neural.status import Status, agreed, verdict
+from setid.neural.status import Status, agreed
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["OutputError", "output_error"]
@@ -79,7 +80,7 @@ class OutputError:
     tree: DualNode
     nodes: int
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Bound every leaf again from its multipliers, and simulate ``x0``, without any solver."""
         require_ieee()

@@ -37,7 +37,8 @@ from setid.neural.simulations.forms import (
     product,
     reduce,
 )
-from setid.neural.status import Status, agreed, verdict
+from setid.neural.status import Status, agreed
+from setid.result.damaged_texts import as_verdict
 
 __all__ = ["SimulationBand", "initial_box", "run_forms", "simulate_band"]
 
@@ -92,7 +93,7 @@ class SimulationBand:
             gone = (self.data.y < down(self.low - noise)) | (self.data.y > up(self.high + noise))
         return np.argwhere(gone)
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Simulate again and compare."""
         again = simulate_band(self.net, self.data, np.column_stack([self.x0.lo, self.x0.hi]))

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
-from setid.neural.status import agreed, verdict
+from setid.neural.status import agreed
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Envelope", "envelope"]
@@ -59,7 +60,7 @@ class Envelope:
             value = value * t + self.coefficients[piece, k]
         return value
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Prove the distance again from the coefficients."""
         if not self._pieces_fit():

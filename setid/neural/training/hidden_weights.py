@@ -39,7 +39,7 @@ from setid.neural.branching import DualNode
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, same_intervals, verdict
+from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.patterns import Goal, Patterns, PatternSearch, prove_tree
 from setid.neural.training.smooth_weights import (
     SMOOTH,
@@ -48,6 +48,7 @@ from setid.neural.training.smooth_weights import (
     smooth_hidden_weights,
 )
 from setid.neural.training.structure import has_hidden_layer, hidden_layer
+from setid.result.damaged_texts import as_verdict
 
 __all__ = ["HiddenWeights", "SignChoice", "hidden_weights"]
 
@@ -118,7 +119,7 @@ class HiddenWeights:
     intervals: Mapping[str, ParameterInterval]
     assumptions: tuple[str, ...]
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
         if not has_hidden_layer(self.net, *_PIECEWISE) or _folded(self.net.network) == 1.0:

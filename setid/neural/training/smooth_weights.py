@@ -28,10 +28,11 @@ from setid.neural.branching import halves
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, same_intervals, verdict
+from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.structure import has_hidden_layer
 from setid.neural.training.weight_boxes import WeightProgram
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["SMOOTH", "SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]
@@ -115,7 +116,7 @@ class SmoothHiddenWeights:
     intervals: Mapping[str, ParameterInterval]
     assumptions: tuple[str, ...]
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Draw all conclusions again from the stored multipliers, without any solver."""
         if not has_hidden_layer(self.net, *SMOOTH):

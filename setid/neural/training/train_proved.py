@@ -26,7 +26,7 @@ from setid.neural.arithmetic import activate, quiet_overflow, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
-from setid.neural.status import Status, agreed, verdict
+from setid.neural.status import Status, agreed
 from setid.neural.training.engine import (
     TrainingProblem,
     proved_by_certificate,
@@ -42,6 +42,7 @@ from setid.neural.training.weight_boxes import (
     prove_boxes,
     reaches,
 )
+from setid.result.damaged_texts import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["ProvedTraining", "train_proved"]
@@ -90,7 +91,7 @@ class ProvedTraining:
     trees: Mapping[tuple[float, ...], Any]
     cap: float
 
-    @verdict
+    @as_verdict
     def verify(self) -> Verification:
         """Prove both bounds again, without any solver."""
         if not has_hidden_layer(self.net):

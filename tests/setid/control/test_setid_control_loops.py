@@ -10,6 +10,7 @@ import pytest
 
 import setid
 from setid import control
+from setid.control import loops
 
 P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
 K = control.ideal_controller(P, M)
@@ -47,6 +48,23 @@ def test_bands_of_steps_are_verified(found: control.StabilityCertificate) -> Non
     assert not replace(step, low=step.low * np.nan).verify()
     assert not replace(step, high=step.high * np.nan).verify()
     assert not replace(step, time=2.0 * step.time).verify()
+    assert not replace(step, nominal=step.nominal * np.nan).verify()
+    assert not replace(step, nominal=0.5 * step.low + 0.5 * step.high + 1e-3).verify()
+
+
+@pytest.mark.parametrize("junk", [(), None, "x", (1.0,), (0.9, 1.0, 1.1), np.eye(2), -(10**400)])
+def test_fields_of_another_kind_are_refused_without_an_exception(
+    found: control.StabilityCertificate, junk: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    margins, step = control.loop_margins(found), control.loop_step(found, 5)
+    monkeypatch.setattr(control.StabilityCertificate, "verify", lambda _: setid.Verification(True))
+    monkeypatch.setattr(loops, "loop_margins", lambda _: margins)  # proved once is enough here
+    monkeypatch.setattr(loops, "loop_step", lambda *_: step)
+    assert margins.verify() and step.verify()
+    for name in ("sensitivity", "gain", "certificate"):
+        assert not replace(margins, **{name: junk}).verify(), name
+    for name in ("time", "nominal", "low", "high", "certificate"):
+        assert not replace(step, **{name: junk}).verify(), name
 
 
 def test_a_certificate_that_was_read_has_margins(found: control.StabilityCertificate) -> None:

@@ -299,3 +299,40 @@ def test_coefficients_are_rationals_of_digits_alone(text: object) -> None:
     found["controller"]["coefficients"][0][0] = text
     with pytest.raises(setid.SetidError, match="from_json"):
         control.StabilityCertificate.from_json(json.dumps(found))
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("method", ("", "x", None, 1, ("small_gain",), np.zeros(2))),
+        ("verdict", ("x", None, [], {}, np.zeros(0))),
+        ("controller", (None, (), "x", np.zeros((2, 2)), 10**400)),
+        ("reference", (None, 1.0, "x")),
+        ("data", (None, (), "x")),
+        ("noise", (None, 0.01)),
+        ("model", (None, 1)),
+        ("arcs", (None, ((),), ((0.0, 3.2, 1.0),), "x")),
+        ("bound", (None, (), "x", float("nan"))),
+        ("integrators", (None, -1, 0.5, 10**400, ())),
+        ("cells", (None, -1, 0.5, float("nan"))),
+        ("seconds", (None, "x")),
+        ("margin", (float("nan"), (), "x")),
+        ("help", (None, (1,))),
+        ("identification", ((), "x")),
+        ("plant", ((), "x")),
+    ],
+)
+def test_fields_of_another_kind_are_refused_without_an_exception(field: str, values: Any) -> None:
+    """Objects that were made or changed in memory are asked what texts are."""
+    answer = certificate("small_gain")
+    for value in values:
+        found = replace(answer, **{field: value}).verify()
+        assert not found and found.reason, value
+
+
+def test_sampling_times_that_are_no_numbers_are_refused() -> None:
+    answer = certificate("characteristic")
+    for name in ("controller", "reference"):
+        other = copy.copy(getattr(answer, name))
+        object.__setattr__(other, "Ts", float("nan"))
+        assert name in replace(answer, **{name: other}).verify().reason

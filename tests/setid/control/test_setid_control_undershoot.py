@@ -111,6 +111,13 @@ def test_forged_tests_are_found(forged: dict, place: str) -> None:
     assert not verdict and verdict.reason.startswith(place)
 
 
+@pytest.mark.parametrize("junk", [(), None, "x", 10**400, np.zeros((2, 2)), {}, (1.0,)])
+def test_fields_of_another_kind_are_refused_without_an_exception(junk: object) -> None:
+    found = control.undershoot(step([1.5, 0.3], [0.7, 0.5, 0.2], 12), 0.01, tail=(0.5, 1.5))
+    for name in ("verdict", "depth", "record", "noise", "tail"):
+        assert not replace(found, **{name: junk}).verify(), name
+
+
 def test_two_readings_allow_for_rounding() -> None:
     """sum_k y_k z^-k = -1 / z + t / (z (z - 1)) is 0 at z = 1 + t exactly: no sign is proved."""
     z = 1.0 + np.geomspace(1e-3, 99.0, 400)

@@ -100,9 +100,11 @@ def test_linear_enclosures_close_faster_than_the_interval() -> None:
         assert radius[0] == pytest.approx(curvature * width**2 / 4, rel=0.15)
 
 
-def test_bands_are_compared_sample_by_sample_where_they_claim_something() -> None:
+def test_bands_are_compared_sample_by_sample_and_claim_nothing_at_the_same_samples() -> None:
     one = np.array([1.0, np.nan])
-    assert nowhere_above(one, one) and nowhere_above(one, np.array([1.5, 0.0]))
-    assert not nowhere_above(one, np.array([0.5, 0.0]))
+    assert nowhere_above(one, one) and nowhere_above(one, np.array([1.5, np.nan]))
+    assert not nowhere_above(one, np.array([0.5, np.nan]))
+    filled = np.array([1.5, 0.0])
+    assert not nowhere_above(one, filled) and not nowhere_above(filled - 1.0, one)
     for other in (np.zeros(0), np.full(1, 9.0), np.full((2, 1), 9.0)):
         assert not nowhere_above(one, other) and not nowhere_above(other - 99.0, one)

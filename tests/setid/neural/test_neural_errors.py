@@ -76,6 +76,30 @@ def test_forged_equation_errors_are_found() -> None:
     assert not replace(found, data=setid.IOData(data.u, data.y + 0.1)).verify()
 
 
+def test_bands_say_nothing_of_samples_without_a_regressor() -> None:
+    """Numbers there once passed as proved: the first sample has no past."""
+    net, data = ramp()
+    errors = neural.equation_error(net, data)
+    band = neural.last_layer(net, data, setid.Noise(equation=0.5)).band()
+    first = np.eye(5, 1) > 0
+    for found, names in (
+        (errors, ("low", "high")),
+        (band, ("low", "high", "reading_low", "reading_high")),
+    ):
+        assert found.verify()
+        for name in names:
+            part = getattr(found, name)
+            assert np.isnan(part[0]) and not np.any(np.isnan(part[1:]))
+            assert not replace(found, **{name: np.where(first, 7.0, part)}).verify()
+    assert len(replace(band, reading_low=np.where(first, 7.0, band.reading_low)).outside) == 1
+
+
+def test_numbers_beyond_the_doubles_in_stored_objects_are_no_exception() -> None:
+    net, data = ramp()
+    found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    assert not replace(found, sets=(replace(found.sets[0], widened=10**400),)).verify()
+
+
 def test_forged_noise_bounds_of_uncertain_sets_are_found() -> None:
     """The least noise bound beside a box once passed unseen: here all of it is not needed."""
     net, data = ramp()
