@@ -71,7 +71,9 @@ def multipliers(rows: Rows, costs: Reals, until: float = inf) -> tuple[Reals, Re
         NaN there.
     """
     unit = float(np.median(rows.radius[rows.radius > 0])) if np.any(rows.radius > 0) else 1.0
-    matrix = sps.csr_array(rows.features.middle())
+    middle = rows.features.middle()
+    scale = _powers(middle)
+    matrix = sps.csr_array(middle / scale)
     ends = (rows.target - rows.radius) / unit, (rows.target + rows.radius) / unit
     free = np.full(rows.size, np.inf)
     model = LinearModel(matrix, ends, (-free, free))
@@ -80,9 +82,11 @@ def multipliers(rows: Rows, costs: Reals, until: float = inf) -> tuple[Reals, Re
     for k, cost in enumerate(costs):
         if time.monotonic() >= until:
             break
-        found = model.solve(cost, _left(until))
+        scaled = cost / scale
+        size = _powers(scaled[:, None])[0]
+        found = model.solve(scaled / size, _left(until))
         if found.status == "solved":
-            dual[k], points[k] = found.dual, found.x * unit
+            dual[k], points[k] = found.dual * size, found.x / scale * unit
     return dual, points
 
 
@@ -126,6 +130,12 @@ def prove_reach(value: Reals, slack: Reals) -> Reals | None:
     return up(size + up(up(coupling.sum(axis=1) * (1.0 + 1e-12)) * largest))
 
 
+def _powers(matrix: Reals) -> Reals:
+    """Powers of two next to the largest entry of each column (m,), so that solvers see about 1."""
+    _, exponent = np.frexp(np.abs(matrix).max(axis=0, initial=0.0))
+    return np.asarray(np.ldexp(1.0, np.clip(exponent, -1000, 1000)), np.float64)
+
+
 def _left(until: float) -> float | None:
     """Seconds until a reading of ``time.monotonic``; None where there is no end."""
     return None if until == inf else max(until - time.monotonic(), 0.0)
@@ -143,23 +153,28 @@ def least_factor(rows: Rows, until: float = inf) -> tuple[float, Reals, Reals]:
     Returns
     -------
     factor : float
-        Infinite where the solver failed or time was over.
+        That of ``theta`` where it is more than the solver says. Infinite where the solver failed
+        or time was over.
     theta : (m,) float
     dual : (2, T) float
         Multipliers of the lower and the upper rows.
     """
     count, m = rows.features.lo.shape
-    unit = float(np.max(rows.radius))
-    weight = (rows.radius / unit)[:, None]
+    most, size = float(np.max(rows.radius)), _powers(rows.target[:, None])[0]
+    weight = (rows.radius / most)[:, None]
     middle = rows.features.middle()
-    matrix = sps.csr_array(np.block([[middle, weight], [middle, -weight]]))
-    free, target = np.full(count, np.inf), rows.target / unit
+    scale = _powers(middle)
+    matrix = sps.csr_array(np.block([[middle / scale, weight], [middle / scale, -weight]]))
+    free, target = np.full(count, np.inf), rows.target / size
     ends = np.concatenate([target, -free]), np.concatenate([free, target])
     columns = np.append(np.full(m, -np.inf), 0.0), np.full(m + 1, np.inf)
     found = LinearModel(matrix, ends, columns).solve(np.append(np.zeros(m), 1.0), _left(until))
     if found.status != "solved":
         return np.inf, np.zeros(m), np.zeros((2, count))
-    return float(found.x[-1]), found.x[:-1] * unit, found.dual.reshape(2, count)
+    theta, some = found.x[:-1] / scale * size, rows.radius > 0
+    needed = np.abs(rows.target - middle @ theta)[some] / rows.radius[some]
+    factor = max(float(found.x[-1]) * (size / most), float(needed.max()))
+    return factor, theta, found.dual.reshape(2, count)
 
 
 def prove_factor(rows: Rows, dual: Reals, reach: Reals) -> float:

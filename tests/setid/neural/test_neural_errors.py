@@ -94,6 +94,22 @@ def test_bands_say_nothing_of_samples_without_a_regressor() -> None:
     assert len(replace(band, reading_low=np.where(first, 7.0, band.reading_low)).outside) == 1
 
 
+@pytest.mark.parametrize("power", [-900, -330, -60, 0, 60, 330, 1000])
+def test_units_of_the_output_do_not_change_what_is_proved(power: int) -> None:
+    """Without noise, small readings once gave a bound that no layer obeys, and large ones none."""
+    net, data = ramp()
+    unit = 2.0**power
+    found = neural.last_layer(net, setid.IOData(data.u, unit * np.array([0.0, 0, 2, 4, 7])))
+    # (0, 0), (1, 2), (2, 4), (3, 7) around a line of slope 7 / 3: the largest error is 1 / 3
+    assert found.noise.equation[0] / unit == pytest.approx(1.05 / 3, rel=1e-8)
+    assert found.status is neural.Status.PROVED and found.verify()
+    # vertices of abs(y - w u - b) <= .35: w = 2.3 or 2.35, b = -.35 or -.25
+    for name, ends in (("w1", (2.3, 2.35)), ("b", (-0.35, -0.25))):
+        outer = np.array(found.intervals[name].outer) / unit
+        assert outer == pytest.approx(ends, abs=1e-6) and outer[0] < ends[0] + 1e-8
+        assert ends[1] - 1e-8 < outer[1]
+
+
 def test_numbers_beyond_the_doubles_in_stored_objects_are_no_exception() -> None:
     net, data = ramp()
     found = neural.last_layer(net, data, setid.Noise(equation=0.5))
