@@ -76,7 +76,8 @@ class Fit:
     certificate : sparsepop_py.Certificate, DenominatorCells, Multipliers or None
         What proves it; None where nothing is proved and the bound is 0.
     outputs : (N, ny) float
-        Outputs of the model, NaN where there are none.
+        Outputs of the model as they were computed, NaN where there are none: nothing is proved of
+        them, and ``verify`` does not look at them.
     data : IOData
     model : Structure
     evidence : OutputErrors or None

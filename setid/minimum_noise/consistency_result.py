@@ -45,7 +45,8 @@ class Consistency(NoiseScale):
     theta : (p,) float or None
         Parameters of ``formulation`` that attain the upper end.
     witness : (n,) float or None
-        All unknowns of ``formulation`` there, noise included.
+        All unknowns of ``formulation`` there, noise included, as they were found: ``verify`` proves
+        again that ``theta`` attains the upper end, and does not look at the others.
     formulation : Formulation
         The data with noise bounds at the largest factor that was looked at.
     limit : float
@@ -66,6 +67,7 @@ class Consistency(NoiseScale):
     samples : tuple of (record, sample)
         Records, from 1, and samples, from 0, that keep the factor from being smaller than the
         lower end, or than ``refuted`` where there is one; empty where linear programs do not tell.
+        ``verify`` does not look at them.
 
     Examples
     --------
