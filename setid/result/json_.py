@@ -298,13 +298,18 @@ def _results(
         raise SetidError("ends: found numbers of proofs that differ, expected two a parameter")
     made = []
     for item, proof, point, objective in zip(found["results"], proofs, points, asked, strict=True):
+        problem = scaled.problem.with_objective(scaled.asked(objective)[0])
+        if point is not None:  # place, radius and value are those that its proof gives
+            point = point.recheck(problem)
+            if point is None:
+                raise SetidError("attained: found a point that could not be proved again")
         # what verification proves, whatever the text states beside it
         low = read(item["lower_bound"]) if proof is not None else -inf
         high = read(item["upper_bound"]) if point is not None else inf
         status = sp.Status[item["status"]]
         made.append(
             sp.Result(
-                problem=scaled.problem.with_objective(scaled.asked(objective)[0]),
+                problem=problem,
                 options=options.for_engine(),
                 status=status,
                 lower_bound=min(low, inf if proof is None else proof.bound),

@@ -143,6 +143,26 @@ def test_claims_that_do_not_follow_are_refused() -> None:
             setid.Identification.from_json(changed(result, "data", "fields", "y", value=y))
 
 
+def test_attained_points_are_read_as_their_proofs_give_them() -> None:
+    """y(1) + a y(0) = 0 with y = 1, 1 and noise of 0.1: a is at least -1.1 / 0.9."""
+    data, model = setid.IOData([1.0, 0.0], [1.0, 1.0]), setid.TransferFunction(1, 1)
+    priors = setid.Box({"a1": (-9, 9), "b0": (1, 2)})
+    result = setid.identify(data, model, setid.Noise(output=0.1), [priors], FAST)
+    found = json.loads(result.to_json())
+    ends = found["result"]["ends"]
+    ends["results"][0]["upper_bound"] = ends["attained"][0]["value"] = -8.0
+    ends["attained"][0]["radius"] = 0.0
+    ends["attained"][0]["x"]["data"][0] -= 0.25
+    again = setid.Identification.from_json(json.dumps(found)).results[0]
+    assert again.upper_bound >= again.attained.value >= -1.1 / 0.9 - 1e-12
+    assert abs(again.attained.x[0] - again.attained.value) <= 1e-12
+    ends["attained"][0]["rows"], ends["attained"][0]["solved"] = [
+        dict(ends["attained"][0][name], shape=[0], data=[]) for name in ("rows", "solved")
+    ]
+    with pytest.raises(setid.SetidError, match="attained: found a point that could not be proved"):
+        setid.Identification.from_json(json.dumps(found))
+
+
 def test_points_are_known_up_to_rounding_beside_ends_at_zero() -> None:
     """The engine proves a0 = 0 of an integrator, and points are attained near 0."""
     model = setid.ContinuousTransferFunction(1, 0, hold="constant", Ts=1e-3)
