@@ -92,6 +92,8 @@ def _verify_fewer(found: Evidence | None, again: Formulation) -> Verification:
         return Verification(False, "evidence with fewer priors rests on further evidence")
     kept = [prior for prior in again.priors if prior in found.formulation.priors]
     stated = formulate(again.data, again.model, again.noise, kept)
+    if stated.problem.fingerprint != found.formulation.problem.fingerprint:
+        return Verification(False, "the evidence with fewer priors is about another problem")
     return verify(replace(found, formulation=stated), again.data)
 
 
@@ -107,6 +109,8 @@ def _box_fails(claims: Evidence, again: Formulation) -> str:
     stated = driven(again)
     if stated is None:
         return "rows with an offset of the equation prove nothing here"
+    if stated.problem.fingerprint != claims.driven.formulation.problem.fingerprint:
+        return "rows with an offset of the equation are those of another problem"
     return verify(replace(claims.driven, formulation=stated), again.data).reason
 
 

@@ -76,7 +76,10 @@ def test_an_empty_set_stays_empty_with_a_prior(data: setid.IOData) -> None:
     assert found.empty and found.verify(data).ok
 
 
-@pytest.mark.parametrize("what", ["wider priors", "other noise", "a claim of its own", "a chain"])
+FORGED = ["wider priors", "other noise", "another statement", "a claim of its own", "a chain"]
+
+
+@pytest.mark.parametrize("what", FORGED)
 def test_forged_evidence_is_refused(
     data: setid.IOData, cut_short: setid.Identification, what: str
 ) -> None:
@@ -88,6 +91,9 @@ def test_forged_evidence_is_refused(
         forged = setid.identify(data, MODEL, NOISE, box).evidence
     elif what == "other noise":
         forged = setid.identify(data, MODEL, setid.Noise(equation=0.49)).evidence
+    elif what == "another statement":  # intervals of this noise are said to be those of more
+        more = setid.formulate(data, MODEL, setid.Noise(equation=0.6))
+        forged = replace(fewer, formulation=more)
     elif what == "a claim of its own":
         item = replace(fewer.intervals["b1"], outer=(0.2, 1.2))
         forged = replace(fewer, intervals={**fewer.intervals, "b1": item})

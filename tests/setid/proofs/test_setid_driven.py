@@ -112,6 +112,9 @@ def test_forged_rows_are_noticed(result: setid.Identification) -> None:
     assert not verify(replace(evidence, driven=None))
     assert not verify(replace(evidence, driven=replace(evidence.driven, driven=evidence.driven)))
     assert not verify(replace(evidence, driven=evidence))
+    known = evidence.driven.formulation
+    fewer = formulate(known.data, known.model, known.noise)  # stability is not said to be given
+    assert not verify(replace(evidence, driven=replace(evidence.driven, formulation=fewer)))
 
 
 def test_rows_with_more_priors_are_not_those_of_the_question(result: setid.Identification) -> None:
