@@ -345,7 +345,7 @@ class Exporter:
             pairs.append(f"({v + 1}%positive, ({int(c)}, {int(s)})%Z)")
         if isinstance(argument, Identity):
             found = [w for group in argument.groups for w in self._group(group, argument)]
-            if argument.priced:
+            if argument.priced.terms:
                 raise NotCovered("priced monomials")
         else:
             found = self._linear(argument)

@@ -42,6 +42,16 @@ def exact(end: End) -> Any:
     return end if end in (INF, -INF) else Fraction(end, 1 << _K)
 
 
+def around(low: Any, high: Any) -> Interval:
+    """Enclose rational ends."""
+    return below(low), above(high)
+
+
+def exactly(x: Interval) -> tuple[Any, Any]:
+    """Take both ends as Fractions; infinities stay."""
+    return exact(x[0]), exact(x[1])
+
+
 def scaled(value: int, exp: int) -> Interval:
     """Compute value * 2**exp."""
     shift = exp + _K

@@ -7,12 +7,15 @@ one exponent: its value is the sum of ``terms[word] * 2**exp * monomial``. No op
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import groupby
 from math import comb
+from typing import TypeVar
 
 Word = tuple[int, ...]
+Terms = dict[Word, Fraction]  # a polynomial with rational coefficients
+Number = TypeVar("Number")
 INF = float("inf")  # a mark for "no bound": it is compared and negated, nothing else
 
 
@@ -90,6 +93,13 @@ class Polynomial:
         """List all words but 1 with a coefficient that is not zero."""
         return {word: value for word, value in self.coefficients().items() if value and word}
 
+    def linear(self, n: int) -> list[Fraction] | None:
+        """List the slopes of x1, ..., xn and the constant; None where there are other words."""
+        words = [*((v,) for v in range(1, n + 1)), ()]
+        if not self.open().keys() <= set(words):
+            return None
+        return [self.coefficient(word) for word in words]
+
     def at(self, x: Sequence[Fraction]) -> Fraction:
         """Evaluate at a rational point."""
         total = Fraction(0)
@@ -116,6 +126,25 @@ def total(parts: Iterable[Polynomial]) -> Polynomial:
     found = Polynomial()
     for part in parts:
         found.add(part)
+    return found
+
+
+ONE = Polynomial({(): 1})
+
+
+def add_terms(found: Terms, terms: Terms, word: Word = (), factor: Fraction | int = 1) -> None:
+    """Add a multiple of a polynomial times a monomial, in place."""
+    for letters, value in terms.items():
+        key = tuple(sorted(letters + word))
+        found[key] = found.get(key, Fraction(0)) + value * factor
+
+
+def split(terms: Mapping[Word, Number], inside: Container[int]) -> dict[Word, dict[Word, Number]]:
+    """Collect what multiplies each product of the variables inside."""
+    found: dict[Word, dict[Word, Number]] = {}
+    for word, value in terms.items():
+        head = tuple(v for v in word if v in inside)
+        found.setdefault(head, {})[tuple(v for v in word if v not in inside)] = value
     return found
 
 

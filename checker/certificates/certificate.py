@@ -8,8 +8,20 @@ from typing import Any, ClassVar
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
-from ..arithmetic.polynomial import INF, Polynomial, Word, total
-from ..files.reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
+from ..arithmetic.polynomial import INF, Polynomial, split, total
+from ..files.reading import (
+    Malformed,
+    Problem,
+    alike,
+    below,
+    each,
+    exact,
+    fields,
+    items,
+    kind_of,
+    perhaps,
+    whole,
+)
 from .exact_dual import ExactDual
 from .gram import ExactGram
 from .identity import Identity, LinearDual, Row
@@ -19,22 +31,15 @@ from .propagation import Row as BoxRow
 
 Holds = Callable[[int, int, int], "Fraction | None"]
 MOST_SWEEPS = 200  # the box of fewer sweeps is larger, so that nothing false follows
-ARGUMENTS: dict[str, Any] = {
-    kind.__name__: kind for kind in (Identity, LinearDual, ExactGram, ExactDual)
-}
 
 
-def tagged(found: Any, n: int, place: str, kinds: dict[str, Any]) -> Any:
-    """Read an object of one of several kinds, by its name."""
-    name = item(found, "is", place)
-    if not isinstance(name, str) or name not in kinds:
-        raise Malformed(f"{place}.is: {name!r:.40} is not one of {', '.join(kinds)}")
-    return kinds[name](found, n, place)
+def one_of(*kinds: type) -> Callable[[Any, int, str], Any]:
+    """Make a reader of objects of one of several kinds, by their names."""
+    named = {kind.__name__: kind for kind in kinds}
+    return lambda found, n, place: kind_of(found, named, place)(found, n, place)
 
 
-def argument_of(found: Any, n: int, place: str) -> Any:
-    """Read multipliers of one of four kinds, or none."""
-    return None if found is None else tagged(found, n, place, ARGUMENTS)
+argument_of = perhaps(one_of(Identity, LinearDual, ExactGram, ExactDual))
 
 
 class Replay:
@@ -87,7 +92,7 @@ class Replay:
         """List generators 1, 2, ...: the constraints, and cutoff - f >= 0 behind them."""
         found = [Row(c.polynomial, c.equality) for c in self.problem.constraints]
         if cutoff is not None:
-            found.append(Row(constant(cutoff).minus(self.problem.objective), False))
+            found.append(Row(Polynomial.of([()], [cutoff]).minus(self.problem.objective), False))
         return found
 
     def fits(self, scaling: Any, box: Box, what: str) -> bool:
@@ -102,11 +107,11 @@ class Replay:
         """Bound objectives on a box by an argument, -INF where it proves nothing."""
         if isinstance(argument, ExactGram):
             return [argument.prove(objective) for objective in asked]
-        exact = isinstance(argument, ExactDual)
-        if not self.fits(argument if exact else argument.scaling, box, what):
+        rational = isinstance(argument, ExactDual)
+        if not self.fits(argument if rational else argument.scaling, box, what):
             return [-INF] * len(asked)
         system = self.system(cutoff)
-        if exact:
+        if rational:
             return [argument.prove(system, objective) for objective in asked]
         if isinstance(argument, LinearDual):
             return argument.prove(system, asked)
@@ -116,14 +121,11 @@ class Replay:
         return [one.bound for one in proved]
 
 
-def constant(value: Fraction) -> Polynomial:
-    """Make a double a polynomial."""
-    return Polynomial({(): value.numerator}, 1 - value.denominator.bit_length())
-
-
 def squares_constant(problem: Problem) -> Fraction | None:
     """Find the constant beside the objective's sum of weight * p^2, None without one."""
-    squares = total(p.times(p).times(constant(weight)) for weight, p in problem.squares)
+    squares = total(
+        p.times(p).times(Polynomial.of([()], [weight])) for weight, p in problem.squares
+    )
     rest = problem.objective.minus(squares)
     return None if not problem.squares or rest.open() else rest.coefficient()
 
@@ -167,7 +169,7 @@ class Propagation(Step):
 class Sublevel(Step):
     """|t_v| <= (K - 1)^(1 / 2d) where f <= cutoff, from an identity with a floor."""
 
-    KINDS: ClassVar = {"identity": Identity, "cutoff": "f"}
+    KINDS: ClassVar = {"identity": Identity, "cutoff": "e"}
     uses_cutoff = True
 
     def apply(self, replay: Replay, box: Box) -> None:
@@ -178,7 +180,7 @@ class Sublevel(Step):
             return
         if not replay.fits(identity.scaling, box, "a sublevel set"):
             return
-        system = replay.system(Fraction(least))
+        system = replay.system(least)
         proved = identity.prove(system, replay.problem.constraints, Polynomial())
         if proved.bound == -INF or not proved.floor > 0:
             replay.notes.append(f"a sublevel set gives no box: {proved.reason}")
@@ -234,17 +236,15 @@ class LeftInverse(Step):
 
     def _table(self, problem: Problem, box: Box) -> list[list[Interval]] | None:
         """Ranges of the coefficients C and, last in each row, of the rest r; None if no use."""
-        place = {v: k for k, v in enumerate(self.given.variables)}
+        heads = [*((v + 1,) for v in self.given.variables), ()]
+        inside = {v for head in heads for v in head}
         found = []
         for c in (problem.constraints[k] for k in self.given.rows):
-            parts: list[dict[Word, int]] = [{} for _ in range(len(place) + 1)]
-            for word, value in c.polynomial.terms.items():
-                ours = [v - 1 for v in word if v - 1 in place]
-                if len(ours) > 1 or not c.equality:
-                    return None
-                others = tuple(v for v in word if v - 1 not in place)
-                parts[place[ours[0]] if ours else -1][others] = value
-            ranges = [iv.range_over(Polynomial(p, c.polynomial.exp), box.ends) for p in parts]
+            parts = split(c.polynomial.terms, inside)
+            if not c.equality or not parts.keys() <= set(heads):
+                return None
+            factors = (Polynomial(parts.get(head), c.polynomial.exp) for head in heads)
+            ranges = [iv.range_over(p, box.ends) for p in factors]
             if any(end in (INF, -INF) for pair in ranges for end in pair):
                 return None
             found.append(ranges)
@@ -277,8 +277,7 @@ class Tightening(Step):
         cutoff = replay.cutoff if self.uses_cutoff else None
         asked = [Polynomial({(v + 1,): s}) for v, s in zip(got.variable, got.side, strict=True)]
         bounds = replay.bounds(got.argument, box, cutoff, asked, "a tightening")
-        given = zip(got.variable, got.side, got.value, bounds, strict=True)
-        for v, side, value, bound in given:
+        for v, side, value, bound in zip(got.variable, got.side, got.value, bounds, strict=True):
             if value not in (INF, -INF) and bound >= value:
                 bounded(box, v, side, Fraction(value))
             else:
@@ -293,13 +292,12 @@ def bounded(box: Box, v: int, side: int, value: Fraction) -> None:
 class Known(Step):
     """Bounds of variables that are certificates of their own."""
 
-    KINDS: ClassVar = {"bounds": "l"}
+    KINDS: ClassVar = {"bounds": "i**"}
 
     def check(self, n: int) -> None:
         """Refuse what is not a variable, a side and the number of a certificate."""
         for row in self.given.bounds:
-            triple = [whole(v, self.given.where) for v in items(row, self.given.where)]
-            if len(triple) != 3 or not 0 <= triple[0] < n or triple[1] not in (1, -1):
+            if len(row) != 3 or not 0 <= row[0] < n or row[1] not in (1, -1):
                 raise Malformed(f"{self.given.where}: {row!r:.40} is no bound of a variable")
 
     def apply(self, replay: Replay, box: Box) -> None:
@@ -312,7 +310,7 @@ class Known(Step):
                 bounded(box, v, side, value)
 
 
-STEPS = {kind.__name__: kind for kind in (Propagation, Sublevel, LeftInverse, Tightening, Known)}
+step_of = one_of(Propagation, Sublevel, LeftInverse, Tightening, Known)
 
 
 # ---- trees ------------------------------------------------------------------------------------
@@ -322,29 +320,28 @@ class Part:
     """Node of a tree (of ``parts`` in files): steps, and then an argument or two children."""
 
     def __init__(self, found: Any, n: int, place: str, own: int, count: int) -> None:
-        kinds = {"steps": "l", "empty": "b", "children": "l"}
-        got = fields(found, place, n, argument=argument_of, **kinds)
+        kinds = {"steps": each(step_of), "empty": "b", "children": "i*"}
+        got = fields(found, place, n, argument=argument_of, branch=perhaps(_branch), **kinds)
         self.place, self.argument, self.empty = place, got.argument, got.empty
-        self.steps = [tagged(s, n, f"{place}.steps[{k}]", STEPS) for k, s in enumerate(got.steps)]
-        self.children = [whole(child, place) for child in got.children]
+        self.steps, self.children, self.branch = got.steps, got.children, got.branch
         below([count - 1 - child for child in self.children], count - 1 - own, f"{place}.children")
-        pair = item(found, "branch", place)
-        self.branch: tuple[int, Fraction] | None = None
-        if pair is not None:
-            alike(place, items(pair, f"{place}.branch"), range(2))
-            below([whole(pair[0], place)], n, f"{place}.branch")
-            self.branch = pair[0], Fraction(finite(pair[1], f"{place}.branch"))
-        if len(self.children) != (0 if pair is None else 2):
+        if len(self.children) != (0 if self.branch is None else 2):
             raise Malformed(f"{place}: {len(self.children)} children")
+
+
+def _branch(found: Any, n: int, place: str) -> tuple[int, Fraction]:
+    """Read the variable and the place of a split."""
+    alike(place, items(found, place), range(2))
+    below([whole(found[0], place)], n, place)
+    return found[0], exact(found[1], place)
 
 
 class Certificate:
     """A claim and its argument."""
 
     def __init__(self, found: Any, n: int, place: str, own: int) -> None:
-        got = fields(found, place, n, fingerprint="t", bound="F", cutoff="f?", parts="l")
-        self.claim = got.bound
-        self.cutoff = None if got.cutoff is None else Fraction(got.cutoff)
+        got = fields(found, place, n, fingerprint="t", bound="F", cutoff="e?", parts="l")
+        self.claim, self.cutoff = got.bound, got.cutoff
         count = len(got.parts)
         if not count:
             raise Malformed(f"{place}: no parts")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from ..arithmetic.polynomial import INF, Polynomial, Word
-from ..files.reading import Malformed, alike, below, fields, items, rational
+from ..arithmetic.polynomial import INF, Polynomial, Terms, add_terms
+from ..files.reading import Malformed, alike, below, fields, perhaps
 from .gram import ExactGram
 from .identity import Row
 
@@ -15,8 +15,8 @@ class ExactDual:
     """f - sum of multipliers times words times rows: a constant, or a sum of squares and one."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        kinds = {"lower": "F1", "upper": "F1", "row": "i1", "word": "w2"}
-        got = fields(found, place, n, value=_rationals, gram=_gram, **kinds)
+        kinds = {"lower": "F1", "upper": "F1", "row": "i1", "word": "w2", "value": "q*"}
+        got = fields(found, place, n, gram=perhaps(ExactGram), **kinds)
         self.lower, self.upper, self.gram, self.place = got.lower, got.upper, got.gram, place
         alike(place, got.lower, got.upper, range(n))
         alike(place, got.row, got.word, got.value)
@@ -31,13 +31,12 @@ class ExactDual:
         """Prove the lower bound within the bounds assumed, -INF where nothing is proved."""
         m, n = len(rows), len(self.lower)
         below([row for row, _, _ in self.terms], m + 2 * n, f"{self.place}.row")
-        rest: dict[Word, Fraction] = {}
-        add(rest, objective, (), Fraction(1))
+        rest: Terms = objective.coefficients()
         for row, word, value in self.terms:
             free = row < m and rows[row].equality
             if not free and (word or value < 0):
                 raise Malformed(f"{self.place}: a monomial or a sign at no equality")
-            add(rest, self._row(rows, row), word, -value)
+            add_terms(rest, self._row(rows, row).coefficients(), word, -value)
         constant = rest.pop((), Fraction(0))
         rest = {word: value for word, value in rest.items() if value}
         if self.gram is not None:
@@ -54,18 +53,3 @@ class ExactDual:
             raise Malformed(f"{self.place}: a multiplier of a bound that is not there")
         slope = 1 if side == 0 else -1
         return Polynomial.affine(v + 1, slope, -slope * end)
-
-
-def add(rest: dict[Word, Fraction], p: Polynomial, word: Word, times: Fraction) -> None:
-    """Add a multiple of a polynomial times a monomial, in place."""
-    for letters, value in p.coefficients().items():
-        key = tuple(sorted(letters + word))
-        rest[key] = rest.get(key, Fraction(0)) + value * times
-
-
-def _rationals(found: Any, n: int, place: str) -> list[Fraction]:
-    return [rational(value, place) for value in items(found, place)]
-
-
-def _gram(found: Any, n: int, place: str) -> ExactGram | None:
-    return None if found is None else ExactGram(found, n, place)

@@ -6,11 +6,20 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic import interval as iv
-from ..arithmetic.polynomial import INF, Polynomial, Substitution, Word, dyadic, powers, total
-from ..files.reading import Constraint, Malformed, alike, array, below, fields, items
+from ..arithmetic.polynomial import (
+    INF,
+    ONE,
+    Polynomial,
+    Substitution,
+    Terms,
+    Word,
+    dyadic,
+    powers,
+    total,
+)
+from ..files.reading import Constraint, Malformed, alike, array, below, each, fields, perhaps, times
 
 Range = tuple[Any, Any]  # rational ends, INF or -INF
-ONE = Polynomial({(): 1})
 
 
 class Row(NamedTuple):
@@ -32,20 +41,21 @@ class Scaling:
     """x = centre + scale * t with low <= t <= high."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        kinds = {"centre": "f1", "scale": "f1", "boxed": "b1", "side": "i1"}
-        got = fields(found, place, n, ends=_ends, **kinds)
+        kinds = {"centre": "f1", "scale": "f1", "boxed": "b1", "side": "i1", "ends": "F1*?"}
+        got = fields(found, place, n, **kinds)
         self.centre, self.scale, self.boxed = got.centre, got.scale, got.boxed
         alike(place, got.centre, got.scale, got.boxed, got.side, *(got.ends or ()), range(n))
-        self.low = [0.0 if s > 0 else -INF for s in got.side]
-        self.high = [0.0 if s < 0 else INF for s in got.side]
+        self.low: list[Any] = [0 if s > 0 else -INF for s in got.side]
+        self.high: list[Any] = [0 if s < 0 else INF for s in got.side]
         for v in range(n):
             if got.boxed[v]:
-                self.high[v] = 0.0 if got.scale[v] == 0 else 1.0
+                self.high[v] = 0 if got.scale[v] == 0 else 1
                 self.low[v] = -self.high[v]
         if got.ends is not None:
+            alike(f"{place}.ends", got.ends, range(2))
             self.low, self.high = got.ends
         for v, (low, high, scale) in enumerate(zip(self.low, self.high, self.scale, strict=True)):
-            far = 1.0 if self.boxed[v] else INF
+            far = 1 if self.boxed[v] else INF
             sensible = -far <= low <= high <= far and low < INF and high > -INF
             if not sensible or scale < 0 or (scale == 0 and not self.boxed[v]):
                 raise Malformed(f"{place}: a range of t{v + 1} that makes no sense")
@@ -53,21 +63,11 @@ class Scaling:
 
     def holds(self, ends: list[Range]) -> bool:
         """Check whether the box of x lies in centre + scale * [low, high]."""
-        for v, (low, high) in enumerate(ends):
-            centre, scale = Fraction(self.centre[v]), Fraction(self.scale[v])
-            if self.low[v] != -INF and centre + scale * Fraction(self.low[v]) > low:
-                return False
-            if self.high[v] != INF and centre + scale * Fraction(self.high[v]) < high:
-                return False
-        return True
-
-
-def _ends(found: Any, n: int, place: str) -> list[list[float]] | None:
-    if found is None:
-        return None
-    if len(items(found, place)) != 2:
-        raise Malformed(f"{place}: not two arrays")
-    return [array(end, "F", 1, place) for end in found]
+        centre, scale = map(Fraction, self.centre), map(Fraction, self.scale)
+        sides = zip(ends, centre, scale, self.low, self.high, strict=True)
+        return all(
+            c + times(low, s) <= a and b <= c + times(high, s) for (a, b), c, s, low, high in sides
+        )
 
 
 class Generators:
@@ -118,16 +118,11 @@ class Generators:
         return (v + 1,) if end == 0 and other == INF else None
 
 
-def cost(terms: dict[Word, Fraction]) -> Fraction:
+def cost(terms: Terms) -> Fraction:
     """Bound -(sum of c w) from above, words w in variables of [-1, 1]."""
     odd = {word: any(n % 2 for _, n in powers(word)) for word in terms}
     sizes = (abs(c) if odd[word] else max(-c, Fraction(0)) for word, c in terms.items())
     return sum(sizes, Fraction(0))
-
-
-def linear(word: Word, value: float) -> Polynomial:
-    """Make a double times a monomial."""
-    return Polynomial.of([word], [value])
 
 
 class Group:
@@ -169,27 +164,21 @@ def _values(found: Any, n: int, place: str) -> list[Any]:
     return array(found, "f", 2 if _rank(found) == 2 else 3, place)
 
 
-def _groups(found: Any, n: int, place: str) -> list[Group]:
-    return [Group(group, n, f"{place}[{k}]") for k, group in enumerate(items(found, place))]
-
-
-def _priced(found: Any, n: int, place: str) -> list[tuple[Word, float]]:
-    if found is None:
-        return []
+def _priced(found: Any, n: int, place: str) -> Polynomial:
     got = fields(found, place, n, words="w2", values="f1")
     alike(place, got.words, got.values)
-    return list(zip(got.words, got.values, strict=True))
+    return total(Polynomial.of([w], [v]) for w, v in zip(got.words, got.values, strict=True))
 
 
 class Identity:
     """Multipliers of one objective."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        kinds: dict[str, Any] = {"multipliers": _groups, "priced": _priced}
+        kinds = {"multipliers": each(Group), "priced": perhaps(_priced)}
         got = fields(found, place, n, scaling=Scaling, products="i2", **kinds)
         self.scaling, self.products, self.where = got.scaling, got.products, place
         self.groups: list[Group] = got.multipliers
-        self.priced: list[tuple[Word, float]] = got.priced
+        self.priced: Polynomial = got.priced or Polynomial()
 
     def prove(
         self, rows: list[Row], constraints: list[Constraint], objective: Polynomial
@@ -200,8 +189,7 @@ class Identity:
         """
         made = Generators(rows, self)
         rest = self.scaling.substitution.into(objective)
-        for word, value in self.priced:
-            rest.add(linear(word, value), -1)
+        rest.add(self.priced, -1)
         for group in self.groups:
             for k in range(len(group.generator)):
                 rest.add(self._product(group, k, made, constraints), -1)
@@ -225,7 +213,7 @@ class Identity:
                 raise Malformed(f"{self.where}: a free multiplier of an inequality")
             multiplier = Polynomial()
             for word, value in zip(basis, group.values[k], strict=True):
-                multiplier.add(linear(word, value))
+                multiplier.add(Polynomial.of([word], [value]))
             return multiplier.times(made[number])
         gram = group.gram(k)
         factors: dict[int, Polynomial] = {}  # of an entry of the matrix; of the generator: -1
@@ -252,9 +240,9 @@ class Identity:
         """The least value of the priced monomials over the box of t, as intervals enclose it."""
         ends = zip(self.scaling.low, self.scaling.high, strict=True)
         box = [(iv.below(low), iv.above(high)) for low, high in ends]
-        return iv.exact(iv.range_over(total(linear(*pair) for pair in self.priced), box)[0])
+        return iv.exact(iv.range_over(self.priced, box)[0])
 
-    def _absorb(self, left: dict[Word, Fraction], made: Generators) -> tuple[Any, str]:
+    def _absorb(self, left: Terms, made: Generators) -> tuple[Any, str]:
         """Move monomials without a range into the floors; what moment blocks keep, or a reason."""
         kept = []
         for group in self.groups:
@@ -272,7 +260,7 @@ class Identity:
         return min(kept, default=Fraction(0)), reason
 
 
-def _taken(left: dict[Word, Fraction], basis: list[Word], sign: Word) -> Fraction:
+def _taken(left: Terms, basis: list[Word], sign: Word) -> Fraction:
     """Take monomials into a Gram matrix; the largest row sum of what was added to it."""
     sums = [Fraction(0)] * len(basis)
     for i in range(len(basis) if left else 0):
@@ -305,7 +293,7 @@ class LinearDual:
             if word and not made.equality(k):
                 raise Malformed(f"{got.where}: a monomial multiplies an inequality")
             if value > 0 or made.equality(k):
-                rests[owner].add(linear(word, value).times(made[k]), -1)
+                rests[owner].add(Polynomial.of([word], [value]).times(made[k]), -1)
         return [self._bound(rest) for rest in rests]
 
     def _bound(self, rest: Polynomial) -> Any:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Container, Iterator
 from fractions import Fraction
-from itertools import pairwise, product
+from itertools import pairwise, product, zip_longest
 from typing import Any
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
-from ..arithmetic.polynomial import INF, Polynomial
+from ..arithmetic.polynomial import INF, Polynomial, split
 from ..files.reading import Constraint, Malformed, Problem, alike, below, fields
 from .gram import semidefinite
 from .left_inverse import dot, reached
 from .substitution import blocks, substituted
 
+Range = tuple[Any, Any]  # rational ends, INF or -INF
+RangeOf = Callable[[Polynomial], Range]
+PROOFS = {
+    "exact": "the rows are not linear in the variables, or not regular",
+    "krawczyk": "Krawczyk's test fails",
+    "substitution": "the rows are not solved one after the other",
+}  # kinds, and what is said where one fails
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
 
 
@@ -33,96 +40,73 @@ class ProvedPoint:
         below(got.rows, m, f"{place}.rows")
         below(got.solved, n, f"{place}.solved")
         twice = any(len(set(v)) < len(v) for v in (got.rows, got.solved))
-        if twice or got.proof not in ("exact", "krawczyk", "substitution"):
+        if twice or got.proof not in PROOFS:
             raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
 
     def fails(self) -> str:
         """Tell why claims about the point are not proved; empty where they are."""
         if self.proof == "exact":
-            return self._exactly()
+            point = self.coordinates()
+            return PROOFS[self.proof] if point is None else self._near(*at_point(point))
         if not self.rows:
             return "no row is solved"
-        if self.proof == "krawczyk":
-            box = self._enclosed()
-            return "Krawczyk's test fails" if box is None else self._over(box)
-        box = self._by_rows()
-        return "the rows are not solved one after the other" if box is None else self._over(box)
-
-    # ---- rational points ------------------------------------------------------------------
+        box = self._enclosed() if self.proof == "krawczyk" else self._by_rows()
+        return PROOFS[self.proof] if box is None else self._over(box)
 
     def coordinates(self) -> list[Fraction] | None:
         """Solve the rows for some variables: the rational point x, None without one."""
         solution = solved_linearly(self.problem, self.rows, self.solved, self.x)
         if solution is None:
             return None
-        point = list(self.x)
-        for variable, value in solution.items():
-            point[variable] = value
-        return point
+        return [solution.get(v, x) for v, x in enumerate(self.x)]
 
-    def _exactly(self) -> str:
-        point = self.coordinates()
-        if point is None:
-            return "the rows are not linear in the variables, or not regular"
-        if any(abs(a - b) > self.radius for a, b in zip(point, self.x, strict=True)):
+    def _near(self, ends: list[Range], range_of: RangeOf, zero: Container[Any] = ()) -> str:
+        """Tell why a claim may fail in a box, with a zero of some rows; empty where it holds."""
+        if any(max(b - x, x - a) > self.radius for (a, b), x in zip(ends, self.x, strict=True)):
             return "the point lies farther away than its radius"
-        return infeasible(self.problem, point) or (
-            "" if self.problem.objective.at(point) <= self.value else "the objective is larger"
-        )
-
-    # ---- Krawczyk's test ------------------------------------------------------------------
+        if reason := infeasible(self.problem, ends, range_of, zero):
+            return reason
+        most = range_of(self.problem.objective)[1]
+        return "" if most <= self.value else "the objective may be larger"
 
     def _over(self, box: list[Interval]) -> str:
         """Tell why a claim may fail in a box with a zero of the rows; empty where it holds."""
-        problem = self.problem
-        zero = {_up_to_sign(problem.constraints[k].polynomial) for k in self.rows}
-        for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
-            if iv.exact(low) < a or iv.exact(high) > b:
-                return "the box of the point leaves the bounds"
-            if max(iv.exact(high) - x, x - iv.exact(low)) > self.radius:
-                return "the point lies farther away than its radius"
-        for k, c in enumerate(problem.constraints):
-            if _up_to_sign(c.polynomial) not in zero and not self._holds(c, box):
-                return f"constraint {k} may fail near the point"
-            if c.side and not _semidefinite_over(c, box):
-                return f"matrix {k} may fail near the point"
-        most = iv.exact(iv.range_over(problem.objective, box)[1])
-        return "" if most <= self.value else "the objective may be larger"
 
-    def _holds(self, c: Constraint, box: list[Interval]) -> bool:
-        """Check a constraint over a box, exactly where none of its variables is solved."""
-        letters = {v - 1 for word in c.polynomial.terms for v in word}
-        if letters.isdisjoint(self.solved):
-            value = c.polynomial.at(self.x)
-            return value == 0 or (value > 0 and not c.equality)
-        low, high = iv.range_over(c.polynomial, box)
-        return bool(low >= 0 and not (c.equality and high > 0))
+        def range_of(p: Polynomial) -> Range:
+            """Enclose a polynomial, exactly where none of its variables is solved."""
+            letters = {v - 1 for word in p.terms for v in word}
+            if letters.isdisjoint(self.solved):
+                return (p.at(self.x),) * 2
+            return iv.exactly(iv.range_over(p, box))
+
+        zero = {_up_to_sign(self.problem.constraints[k].polynomial) for k in self.rows}
+        return self._near([iv.exactly(pair) for pair in box], range_of, zero)
 
     def _by_rows(self) -> list[Interval] | None:
         """A box around x that holds the zero of rows that are solved one after the other."""
         rows = [self.problem.constraints[k].polynomial for k in self.rows]
-        known, values = list(self.x), list[Fraction]()
-        for begin, end in pairwise(blocks(rows, self.solved)):
+        known, bounds = list(self.x), blocks(rows, self.solved)
+        for begin, end in pairwise(bounds):
             ours = self.solved[begin:end]
-            first = solved_linearly(self.problem, self.rows[begin:end], ours, known)
-            if first is None:
+            values = solved_linearly(self.problem, self.rows[begin:end], ours, known)
+            if values is None:
                 return None
             for v in ours:
-                known[v] = first[v]
-                values.append(first[v])
-        found = substituted(rows, self.solved, self.x, values)
+                known[v] = values[v]
+        first = [known[v] for v in self.solved[: bounds[-1]]]
+        found = substituted(rows, self.solved, self.x, first)
         if found is None:
             return None
-        box = [(iv.below(x), iv.above(x)) for x in self.x]
-        for v, (low, high) in zip(self.solved, found, strict=True):
-            box[v] = iv.below(low), iv.above(high)
+        box = [iv.around(x, x) for x in self.x]
+        for v, pair in zip(self.solved, found, strict=True):
+            box[v] = iv.around(*pair)
         return box
 
     def _enclosed(self) -> list[Interval] | None:
         """A box around x, wide in the solved variables only, that holds a zero of the rows."""
         system = [self.problem.constraints[k].polynomial for k in self.rows]
         slopes = [[p.derivative(v + 1) for v in self.solved] for p in system]
-        middle = [(iv.below(x), iv.above(x)) for x in self.x]
+        middle = [iv.around(x, x) for x in self.x]
         jacobian = [[iv.range_over(p, middle)[0] for p in row] for row in slopes]
         inverse = _inverse(jacobian)
         if inverse is None:
@@ -186,22 +170,6 @@ def _inverse(matrix: list[list[int]]) -> list[list[int]] | None:
     return [[row.get(size + j, 0) for j in range(size)] for row in rows]
 
 
-def _semidefinite_over(c: Constraint, box: list[Interval]) -> bool:
-    """Check that the matrix of a constraint is positive semidefinite all over a box."""
-    ends = [tuple(map(iv.exact, iv.range_over(p, box))) for p in c.entries]
-    if any(end in (INF, -INF) for pair in ends for end in pair):
-        return False
-    if c.kind == "SECOND_ORDER":
-        rest = sum((max(abs(low), abs(high)) ** 2 for low, high in ends[1:]), Fraction(0))
-        return bool(ends[0][0] >= 0 and ends[0][0] ** 2 >= rest)
-    side = range(c.side)
-    matrix = [[ends[c.place(i, j)] for j in side] for i in side]
-    middle = [[(low + high) / 2 for low, high in row] for row in matrix]
-    for i, row in enumerate(matrix):  # what is left is diagonally dominant
-        middle[i][i] -= sum((high - low for low, high in row), Fraction(0)) / 2
-    return semidefinite(middle)
-
-
 # ---- exact checks -----------------------------------------------------------------------------
 
 
@@ -210,16 +178,16 @@ def solved_linearly(
 ) -> dict[int, Fraction] | None:
     """Solve equations that are linear in some variables, the others being x."""
     table: list[dict[int, Fraction]] = []  # key -1: the constant
+    inside = {v + 1 for v in solved}
     for k in rows:
-        row: dict[int, Fraction] = {}
-        for letters, term in problem.constraints[k].polynomial.coefficients().items():
-            ours = [v - 1 for v in letters if v - 1 in solved]
-            if len(ours) > 1:
-                return None
-            for v in letters:
-                term *= x[v - 1] if v - 1 not in ours else 1
-            key = ours[0] if ours else -1
-            row[key] = row.get(key, Fraction(0)) + term
+        p = problem.constraints[k].polynomial
+        parts = split(p.terms, inside)
+        if any(len(head) > 1 for head in parts):
+            return None
+        row = {
+            head[0] - 1 if head else -1: Polynomial(part, p.exp).at(x)
+            for head, part in parts.items()
+        }
         table.append({key: value for key, value in row.items() if value or key < 0})
     return _solution(table)
 
@@ -251,27 +219,44 @@ def _solution(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
     return found
 
 
-def infeasible(problem: Problem, x: list[Fraction]) -> str:
-    """Tell why a rational point is not feasible; empty where it is."""
-    for v, (value, low, high) in enumerate(zip(x, problem.lower, problem.upper, strict=True)):
-        if not low <= value <= high:
-            return f"variable {v + 1} leaves its bounds"
+def at_point(x: list[Fraction]) -> tuple[list[Range], RangeOf]:
+    """Make a point a box, and the function that evaluates polynomials there."""
+    return [(v, v) for v in x], lambda p: (p.at(x),) * 2
+
+
+def infeasible(
+    problem: Problem, ends: list[Range], range_of: RangeOf, zero: Container[Any] = ()
+) -> str:
+    """Tell why points of a box may not be feasible; empty where they are.
+
+    ``zero`` holds polynomials that are zero at the point that matters.
+    """
+    for v, ((low, high), a, b) in enumerate(zip(ends, problem.lower, problem.upper, strict=True)):
+        if not a <= low <= high <= b:
+            return f"variable {v + 1} may leave its bounds"
     for k, c in enumerate(problem.constraints):
-        value = c.polynomial.at(x)
-        if (value != 0) if c.equality else (value < 0):
-            return f"constraint {k} does not hold"
-        if c.side and not entries_hold(c, [p.at(x) for p in c.entries]):
-            return f"matrix {k} is not positive semidefinite"
+        if not zero or _up_to_sign(c.polynomial) not in zero:
+            low, high = range_of(c.polynomial)
+            if low < 0 or (c.equality and high > 0):
+                return f"constraint {k} may not hold"
+        if c.side and not entries_hold(c, [range_of(p) for p in c.entries]):
+            return f"matrix {k} may not be positive semidefinite"
     return ""
 
 
-def entries_hold(c: Constraint, values: list[Fraction]) -> bool:
-    """Check whether the matrix with these entries is positive semidefinite."""
+def entries_hold(c: Constraint, ends: list[Range]) -> bool:
+    """Check whether all matrices with entries in these intervals are positive semidefinite."""
+    if any(end in (INF, -INF) for pair in ends for end in pair):
+        return False
     if c.kind == "SECOND_ORDER":
-        rest = sum((v * v for v in values[1:]), Fraction(0))
-        return values[0] >= 0 and values[0] ** 2 >= rest
+        rest = sum((max(abs(low), abs(high)) ** 2 for low, high in ends[1:]), Fraction(0))
+        return bool(ends[0][0] >= 0 and ends[0][0] ** 2 >= rest)
     side = range(c.side)
-    return semidefinite([[values[c.place(i, j)] for j in side] for i in side])
+    matrix = [[ends[c.place(i, j)] for j in side] for i in side]
+    middle = [[(low + high) / 2 for low, high in row] for row in matrix]
+    for i, row in enumerate(matrix):  # what is left is diagonally dominant
+        middle[i][i] -= sum((high - low for low, high in row), Fraction(0)) / 2
+    return semidefinite(middle)
 
 
 # ---- rays -------------------------------------------------------------------------------------
@@ -313,8 +298,8 @@ def _falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bo
         if any(values) if c.equality else any(value < 0 for value in values):
             return False
         entries = [_along(p, x, direction) for p in c.entries]
-        for k in range(max(map(len, entries), default=0)):
-            if not entries_hold(c, [e[k] if k < len(e) else Fraction(0) for e in entries]):
+        for powers in zip_longest(*entries, fillvalue=Fraction(0)):
+            if not entries_hold(c, [(value, value) for value in powers]):
                 return False
     return True
 

@@ -9,8 +9,7 @@ the atoms c1 x + c2 x^2 of all rows, then the last factors of all terms, the fac
 
 from __future__ import annotations
 
-from math import isqrt
-from typing import Any
+from typing import NamedTuple
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import WHOLE, End, Interval
@@ -62,22 +61,59 @@ def _within_reach(low: End) -> End:
     return -INF if low < -_FAR else min(low, _FAR)
 
 
+class Square(NamedTuple):
+    """The atom c1 x + c2 x^2, with place and value of its extremum."""
+
+    variable: int
+    c1: Interval
+    c2: Interval
+    place: Interval
+    depth: Interval
+
+    def range(self, x: Interval) -> Interval:
+        """Enclose the atom over an interval."""
+        ends = [self._at(end) for end in x]
+        low, high = min(e[0] for e in ends), max(e[1] for e in ends)
+        if self.place[0] <= x[1] and self.place[1] >= x[0]:
+            upwards = self.c2[1] > 0
+            low, high = (
+                (min(low, self.depth[0]), high) if upwards else (low, max(high, self.depth[1]))
+            )
+        return low, high
+
+    def _at(self, end: End) -> Interval:
+        if end in (INF, -INF):
+            far = INF if self.c2[1] > 0 else -INF
+            return far, far
+        return iv.times((end, end), iv.plus(self.c1, iv.times(self.c2, (end, end))))
+
+    def solve(self, asked: Interval, x: Interval) -> Interval:
+        """Enclose the z of x with the atom in ``asked``; ends cross where there is none."""
+        squares = iv.quotient(iv.minus(asked, self.depth), self.c2)  # of the way to the extremum
+        found = iv.roots(squares, 2, iv.minus(x, self.place))
+        return found if found[0] > found[1] else iv.plus(found, self.place)
+
+
+def square_of(variable: int, c1: int, c2: int, exp: int) -> Square:
+    """Make the atom (c1 x + c2 x^2) 2**exp: extreme at -c1 / (2 c2), where it is -c1^2 / (4 c2)."""
+    place = iv.quotient(iv.scaled(-c1, 0), iv.scaled(2 * c2, 0))
+    depth = iv.quotient(iv.scaled(-c1 * c1, exp), iv.scaled(4 * c2, 0))
+    return Square(variable, iv.scaled(c1, exp), iv.scaled(c2, exp), place, depth)
+
+
 class Row:
     """A polynomial that lies in ``target``, split into atoms."""
 
     def __init__(self, polynomial: Polynomial, target: Interval) -> None:
-        terms = {word: value for word, value in polynomial.terms.items() if value}
+        exp, terms = polynomial.exp, {w: c for w, c in polynomial.terms.items() if c}
         self.target = target
         self.variables = {letter - 1 for word in terms for letter in word}
-        self.squares: list[tuple[int, int, int]] = []  # variable, c1, c2 without the exponent
-        self.terms: list[tuple[Interval, Factors]] = []
+        self.squares: list[Square] = []
         for variable in sorted(self.variables):
             one, two = (variable + 1,), (variable + 1, variable + 1)
             if one in terms and two in terms:
-                self.squares.append((variable, terms.pop(one), terms.pop(two)))
-        self.exp = polynomial.exp
-        for word, value in terms.items():
-            self.terms.append((iv.scaled(value, self.exp), powers(word)))
+                self.squares.append(square_of(variable, terms.pop(one), terms.pop(two), exp))
+        self.terms = [(iv.scaled(value, exp), powers(word)) for word, value in terms.items()]
         self.branches = any(n % 2 == 0 for _, factors in self.terms for _, n in factors)
 
     def matters(self, stale: set[int]) -> bool:
@@ -113,7 +149,7 @@ class Rows:
             if allowed is None:
                 return box.shrink(0, INF, -INF)
             for square, asked in zip(row.squares, allowed, strict=False):
-                _solve_square(box, begin, square, row.exp, asked)
+                box.shrink(square.variable, *square.solve(asked, begin[square.variable]))
             for (value, factors), asked in zip(row.terms, allowed[len(row.squares) :], strict=True):
                 while len(work) < len(factors):
                     work.append([])
@@ -137,7 +173,7 @@ class Rows:
 
 def _ranges(row: Row, box: list[Interval]) -> list[Interval]:
     """Enclose the ranges of all atoms: first those with a square, then the terms."""
-    found = [_square_range(square, row.exp, box[square[0]]) for square in row.squares]
+    found = [square.range(box[square.variable]) for square in row.squares]
     for value, factors in row.terms:
         for variable, n in factors:
             value = iv.times(value, iv.power(box[variable], n))
@@ -179,53 +215,3 @@ def _solve_factor(
     wanted = iv.quotient(asked, others)
     if wanted != WHOLE:
         box.shrink(variable, *iv.roots(wanted, n, box.ends[variable]))
-
-
-def _square_range(square: tuple[int, int, int], exp: int, x: Interval) -> Interval:
-    """The range of c1 x + c2 x^2."""
-    _, c1, c2 = square
-    ends = [_square_at(c1, c2, exp, end) for end in x]
-    low, high = min(e[0] for e in ends), max(e[1] for e in ends)
-    (left, right), (depth_low, depth_high) = _vertex(c1, c2, exp)
-    if left <= x[1] and right >= x[0]:
-        low, high = (min(low, depth_low), high) if c2 > 0 else (low, max(high, depth_high))
-    return low, high
-
-
-def _square_at(c1: int, c2: int, exp: int, end: End) -> Interval:
-    if end in (INF, -INF):
-        far = INF if c2 > 0 else -INF
-        return far, far
-    slope = iv.plus(iv.scaled(c1, exp), iv.times(iv.scaled(c2, exp), (end, end)))
-    return iv.times((end, end), slope)
-
-
-def _vertex(c1: int, c2: int, exp: int) -> tuple[Interval, Interval]:
-    """Place and value of the extremum of c1 x + c2 x^2: -c1 / (2 c2) and -c1^2 / (4 c2)."""
-    unit = iv.scaled(1, 0)[0]
-    sign = 1 if c2 > 0 else -1
-    top, bottom = -c1 * sign * unit, 2 * c2 * sign
-    depth = iv.scaled(-c1 * c1 * sign, exp)
-    below = 4 * c2 * sign
-    return (top // bottom, -(-top // bottom)), (depth[0] // below, -(-depth[1] // below))
-
-
-def _solve_square(
-    box: Box, begin: list[Interval], square: tuple[int, int, int], exp: int, asked: Interval
-) -> None:
-    """Bound x where c1 x + c2 x^2 lies in ``asked``: |x - vertex| lies between two radii."""
-    variable, c1, c2 = square
-    (left, right), depth = _vertex(c1, c2, exp)
-    near, far = iv.quotient(iv.minus(asked, depth), iv.scaled(c2, exp))
-    if far < 0:
-        box.shrink(variable, INF, -INF)
-        return
-    unit = iv.scaled(1, 0)[0]
-    outer: Any = iv.root_above(far, 2)
-    low, high = left - outer if far != INF else -INF, right + outer if far != INF else INF
-    inner = isqrt(near * unit) if 0 < near != INF else 0
-    if inner and begin[variable][0] > right - inner:
-        low = max(low, left + inner)
-    if inner and begin[variable][1] < left + inner:
-        high = min(high, right - inner)
-    box.shrink(variable, low, high)

@@ -138,18 +138,22 @@ def number(found: Any, place: str) -> Any:
     return Fraction(finite(found, place))
 
 
-def unit(found: Any) -> Fraction:
+def unit(found: Any, place: str) -> Fraction:
     """Read a positive power of two."""
-    value = Fraction(finite(found, "units"))
-    above, below = value.numerator, value.denominator
-    if value <= 0 or above & (above - 1) or below & (below - 1):
-        raise Malformed("units: not a power of two")
+    value = exact(found, place)
+    if value <= 0 or value.numerator & (value.numerator - 1):  # a double has such a denominator
+        raise Malformed(f"{place}: not a power of two")
     return value
 
 
 def times(value: Any, unit: Fraction) -> Any:
     """Convert an end from units to those of the record."""
     return value if value in (INF, -INF) else value * unit
+
+
+def exact(found: Any, place: str) -> Fraction:
+    """Read a finite double as a Fraction."""
+    return Fraction(finite(found, place))
 
 
 def rational(found: Any, place: str) -> Fraction:
@@ -173,7 +177,23 @@ def of_type(kind: type) -> Callable[[Any, str], Any]:
 
 
 whole, flag, text, items = map(of_type, (int, bool, str, list))
-READERS = {"f": finite, "F": number, "i": whole, "b": flag, "t": text, "l": items}
+READERS: dict[str, Callable[[Any, str], Any]]
+READERS = {"f": finite, "F": number, "e": exact, "q": rational, "u": unit}
+READERS |= {"i": whole, "b": flag, "t": text, "l": items}
+
+
+def each(kind: Callable[..., Any]) -> Callable[..., list[Any]]:
+    """Make a reader of lists from one of (found, n, place)."""
+
+    def read(found: Any, n: int, place: str) -> list[Any]:
+        return [kind(one, n, f"{place}[{k}]") for k, one in enumerate(items(found, place))]
+
+    return read
+
+
+def perhaps(kind: Callable[..., Any]) -> Callable[..., Any]:
+    """Make a reader that allows null from one of (found, n, place)."""
+    return lambda found, n, place: None if found is None else kind(found, n, place)
 
 
 def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
@@ -217,29 +237,40 @@ def words(rows: list[list[int]], n: int, place: str) -> list[Word]:
     return [tuple(sorted(letter for letter in row if letter)) for row in rows]
 
 
-def fields(found: Any, place: str, n: int, /, **kinds: Any) -> Any:
-    """Read the fields of an object, by what they have to be.
+def read(found: Any, kind: Any, place: str, n: int = 0) -> Any:
+    """Read a value, by what it has to be.
 
     A kind is a letter of ``READERS``; with a digit an array of that rank; "w" and a digit an array
-    of words in n variables; or a class or function of (found, n, place). "?" allows null.
+    of words in n variables; or a class or function of (found, n, place). Stars make lists of these
+    within lists, and a last "?" allows null.
     """
+    if not isinstance(kind, str):
+        return kind(found, n, place)
+    if kind.endswith("?"):
+        return None if found is None else read(found, kind[:-1], place, n)
+    if kind.endswith("*"):
+        return [read(one, kind[:-1], place, n) for one in items(found, place)]
+    if kind == "w2":
+        return words(array(found, "i", 2, place), n, place)
+    if kind == "w3":
+        return [words(rows, n, place) for rows in array(found, "i", 3, place)]
+    return array(found, kind[0], int(kind[1]), place) if kind[1:] else READERS[kind](found, place)
+
+
+def fields(found: Any, place: str, n: int, /, **kinds: Any) -> Any:
+    """Read the fields of an object, by the kinds of ``read``."""
     got = SimpleNamespace(where=place)
     for name, kind in kinds.items():
-        here, value = f"{place}.{name}", item(found, name, place)
-        if isinstance(kind, str) and kind.endswith("?") and value is None:
-            pass
-        elif not isinstance(kind, str):
-            value = kind(value, n, here)
-        elif kind == "w2":
-            value = words(array(value, "i", 2, here), n, here)
-        elif kind == "w3":
-            value = [words(rows, n, here) for rows in array(value, "i", 3, here)]
-        elif kind[1:2].isdigit():
-            value = array(value, kind[0], int(kind[1]), here)
-        else:
-            value = READERS[kind[0]](value, here)
-        setattr(got, name, value)
+        setattr(got, name, read(item(found, name, place), kind, f"{place}.{name}", n))
     return got
+
+
+def kind_of(found: Any, kinds: dict[str, Any], place: str) -> Any:
+    """Find which of several kinds an object is, by its name."""
+    name = item(found, "is", place)
+    if not isinstance(name, str) or name not in kinds:
+        raise Malformed(f"{place}.is: {name!r:.40} is not one of {', '.join(kinds)}")
+    return kinds[name]
 
 
 def alike(place: str, *lists: Sized) -> None:
@@ -266,14 +297,9 @@ def polynomial(found: Any, n: int, place: str) -> Polynomial:
     return Polynomial.of(got.words, got.coefficients)
 
 
-def polynomials(found: Any, n: int, place: str) -> list[Polynomial]:
-    """Read a list of polynomials."""
-    return [polynomial(p, n, f"{place}[{k}]") for k, p in enumerate(items(found, place))]
-
-
 def constraint(found: Any, n: int, place: str) -> Constraint:
     """Read a constraint of a problem in n variables."""
-    got = fields(found, place, n, kind="t", polynomial=polynomial, entries=polynomials)
+    got = fields(found, place, n, kind="t", polynomial=polynomial, entries=each(polynomial))
     made = Constraint(got.kind, got.polynomial, got.entries)
     matrix = made.kind in ("SECOND_ORDER", "PSD")
     triangle = made.kind != "PSD" or len(got.entries) == made.side * (made.side + 1) // 2
@@ -293,13 +319,11 @@ def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
 def problem(found: Any, place: str = "problem") -> Problem:
     """Read a problem."""
     n = whole(item(item(found, "objective", place), "dimension", place), place)
-    kinds = {"constraints": "l", "lower": "F1", "upper": "F1", "names": "l", "squares": "l"}
-    got = fields(found, place, n, objective=polynomial, sense="t", **kinds)
+    kinds = {"lower": "F1", "upper": "F1", "names": "t*", "sense": "t", "objective": polynomial}
+    got = fields(found, place, n, **kinds, constraints=each(constraint), squares=each(weighted))
     alike(place, got.lower, got.upper, got.names, range(n))
     for low, high in zip(got.lower, got.upper, strict=True):
         if not low <= high or low == INF or high == -INF:
             raise Malformed(f"{place}: bounds {low}, {high}")
-    rows = [constraint(c, n, f"{place}.constraints[{k}]") for k, c in enumerate(got.constraints)]
-    names = [text(name, f"{place}.names") for name in got.names]
-    squares = [weighted(pair, n, f"{place}.squares[{k}]") for k, pair in enumerate(got.squares)]
-    return Problem(n, got.objective, rows, got.lower, got.upper, names, squares, got.sense)
+    given = got.constraints, got.lower, got.upper, got.names, got.squares, got.sense
+    return Problem(n, got.objective, *given)

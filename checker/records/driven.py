@@ -13,8 +13,8 @@ from typing import Any
 from ..arithmetic import interval as iv
 from ..result import NotProved
 from .fewer_priors import check_given, outer_ends
-from .linear_rows import Ends, met, no_point
-from .parameter_box import at_one
+from .linear_rows import Ends, intervals, met, no_point, rationals
+from .parameter_box import at_one, letters_of
 
 ORDERS = ("na", "nb", "nk", "common_denominator", "offset")
 
@@ -30,14 +30,12 @@ def bounded_by(inner: Any, about: Any, box: Ends) -> Ends:
     check_question(about, inner, offsets)
     if inner.empty:
         return no_point(len(about.names))
-    known = [(iv.below(a), iv.above(b)) for a, b in zip(*outer_ends(inner), strict=True)]
-    letters = {name: v for v, name in enumerate(about.names, 1)}
+    known = intervals(outer_ends(inner))
     for i, name in enumerate(offsets):
-        if not one.adds_offset(i):
-            continue  # the same offset
-        factors = [[letters[a] for a in d] for d in one.denominators(i)]
-        known[letters[name] - 1] = iv.quotient(known[letters[name] - 1], at_one(factors, known))
-    return met(box, [iv.exact(a) for a, _ in known], [iv.exact(b) for _, b in known])
+        if one.adds_offset(i):  # another one is the same
+            v = about.names.index(name)
+            known[v] = iv.quotient(known[v], at_one(letters_of(about, i), known))
+    return met(box, *rationals(known))
 
 
 def check_structures(about: Any, inner: Any) -> None:

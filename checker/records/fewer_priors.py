@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..arithmetic.polynomial import INF
-from ..files.reading import item, items, number
+from ..files.reading import fields
 from ..result import NotProved
 from .linear_rows import Ends, met, no_point
 
@@ -29,8 +29,8 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
 
 def outer_ends(inner: Any) -> Ends:
     """Read the intervals that an identification proves."""
-    outer = [items(item(i, "outer", "intervals"), "intervals") for i in inner.got.intervals]
-    return [[number(pair[side], "outer") for pair in outer] for side in (0, 1)]
+    pairs = [fields(i, "intervals", 0, outer="F*").outer for i in inner.got.intervals]
+    return [[low for low, _ in pairs], [high for _, high in pairs]]
 
 
 def check_given(about: Any, inner: Any, field: str, free: list[str] | None = None) -> None:

@@ -11,13 +11,40 @@ from operator import mul
 from typing import Any
 
 from ..arithmetic import interval as iv
-from ..arithmetic.polynomial import INF, Word
+from ..arithmetic.interval import Interval
+from ..arithmetic.polynomial import INF, Word, split
 from ..certificates.left_inverse import contracts
-from ..files.reading import Malformed, alike, below, fields, finite, item, items, rational, whole
+from ..files.reading import (
+    Malformed,
+    alike,
+    below,
+    fields,
+    item,
+    items,
+    rational,
+    read,
+    whole,
+)
 from ..result import NotProved
 
 ZERO = Fraction(0)
 Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
+
+
+def intervals(ends: Ends) -> list[Interval]:
+    """Convert a box to intervals in fixed point."""
+    return [iv.around(*pair) for pair in zip(*ends, strict=True)]
+
+
+def rationals(box: list[Interval]) -> Ends:
+    """Convert a box back."""
+    return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
+
+
+def outside(ends: Ends, other: Ends) -> list[int]:
+    """List the variables whose ends leave another box."""
+    sides = enumerate(zip(*ends, *other, strict=True))
+    return [v for v, (a, b, low, high) in sides if a < low or high < b]
 
 
 def nothing(ends: Ends) -> bool:
@@ -72,9 +99,9 @@ class Regression:
         self.places = {name: v for v, name in enumerate(about.names)}
         self._known: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
 
-    def row(self, output: Any, k: Any) -> tuple[list[Fraction], list[Fraction]]:
+    def row(self, output: int, k: int) -> tuple[list[Fraction], list[Fraction]]:
         """Take R and W of an output (from 1) and sample, Y and w0 behind."""
-        key = whole(output, "box"), whole(k, "box")
+        key = output, k
         if key not in self._known:
             record, structure = self.about.record, self.about.structure
             below([key[0] - 1], len(record.y), "box: outputs")
@@ -88,12 +115,8 @@ class Regression:
 
     def _split(self, terms: dict[Word, Fraction]) -> list[dict[Word, Fraction]]:
         """Collect the factor of each column, in unknowns that are no parameters; the rest last."""
-        found: dict[Word, dict[Word, Fraction]] = {}
-        for word, value in terms.items():
-            head = tuple(v for v in word if v <= len(self.places))
-            if value:
-                found.setdefault(head, {})[word[len(head) :]] = value
-        parts = []
+        nonzero = {word: value for word, value in terms.items() if value}
+        found, parts = split(nonzero, range(1, len(self.places) + 1)), []
         for column in self.columns:
             shared = [found.pop(monomial, {}) for monomial in column]
             if any(other != shared[0] for other in shared):
@@ -122,18 +145,17 @@ class Regression:
 
 def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Prove |m - centre| <= radius by rows with intervals of Y and R."""
-    got = fields(step, "box", 0, rows="l", inverse="l", centre="l", radius="l")
-    inverse = [[finite(v, "box") for v in items(row, "box")] for row in got.inverse]
-    c, v = ([finite(x, "box") for x in side] for side in (got.centre, got.radius))
+    got = fields(step, "box", 0, rows="i**", inverse="e**", centre="e*", radius="e*")
     table = []
     for place in got.rows:
-        pairs = list(zip(*rows.row(*items(place, "box")), strict=True))
-        table.append([(iv.below(a - r), iv.above(a + r)) for a, r in pairs])
-    alike("box", inverse, c, v, range(rows.count))
-    alike("box", table, *inverse)
-    if any(not r > 0 for r in v) or not contracts(inverse, table, c, v):
+        pairs = zip(*rows.row(*place), strict=True)
+        table.append([iv.around(a - r, a + r) for a, r in pairs])
+    alike("box", got.inverse, got.centre, got.radius, range(rows.count))
+    alike("box", table, *got.inverse)
+    given = got.inverse, table, got.centre, got.radius
+    if any(not r > 0 for r in got.radius) or not contracts(*given):
         raise NotProved("the left inverse of the rows does not give its box")
-    ball = [(Fraction(m), Fraction(r)) for m, r in zip(c, v, strict=True)]
+    ball = list(zip(got.centre, got.radius, strict=True))
     return met(ends, [m - r for m, r in ball], [m + r for m, r in ball])
 
 
@@ -188,9 +210,9 @@ def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
     What it exceeds w0 + W |theta| - s (Y + R theta) by is concave in each parameter, so that its
     least value over the part is at ends. Towards an infinite end it must not fall.
     """
-    output, k, sign, slope = items(row, "box")
-    centre, radius = rows.row(output, k)
-    a = [Fraction(finite(v, "box")) for v in items(slope, "box")]
+    *place, sign, slope = items(row, "box")
+    centre, radius = rows.row(*read(place, "i*", "box"))
+    a = read(slope, "e*", "box")
     if len(a) != len(centre) or whole(sign, "box") not in (1, -1):
         raise Malformed("box: a row of another length")
     least: Any = a[-1] - radius[-1] + sign * centre[-1]
@@ -221,8 +243,8 @@ def combined(
     """
     total = [ZERO] * len(rows[0])
     for pair in pairs:
-        place = whole(items(pair, "multipliers")[0], "multipliers")
-        value = rational(pair[1], "multipliers")
+        alike("multipliers", items(pair, "multipliers"), "ab")
+        place, value = whole(pair[0], "multipliers"), rational(pair[1], "multipliers")
         if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
             raise Malformed("multipliers: of a row that does not exist")
         if value < 0 and place not in (equal or ()):

@@ -23,17 +23,26 @@ from ..files.reading import (
     alike,
     below,
     fields,
-    finite,
     item,
     items,
-    number,
+    kind_of,
     times,
-    unit,
-    whole,
 )
 from ..result import NotProved
 from .denominators import by_denominators
-from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, no_point, nothing
+from .linear_rows import (
+    ZERO,
+    Ends,
+    Regression,
+    by_inverse,
+    by_tree,
+    intervals,
+    met,
+    no_point,
+    nothing,
+    outside,
+    rationals,
+)
 from .simulation import by_simulation
 
 Factors = list[list[int]]  # denominators, by the letters of their coefficients from lag 1 on
@@ -64,46 +73,36 @@ def proved_box(about: Any) -> tuple[Ends, list[str]]:
     ends = [list(side) for side in about.given]
     rows = Regression(about, [[(v,)] for v in range(1, len(about.names) + 1)])
     for step in items(steps, "box.steps"):
-        ends = applied(step, STEPS, rows, ends)
-    for v, name in enumerate(about.names):
-        if stated[0][v] > ends[0][v] or stated[1][v] < ends[1][v]:
-            raise NotProved(f"the box of {name} does not follow")
+        ends = kind_of(step, STEPS, "box.steps")(step, rows, ends)
+    for v in outside(ends, stated):
+        raise NotProved(f"the box of {about.names[v]} does not follow")
     return stated, []
 
 
 def stated_ends(found: Any, count: int) -> Ends:
     """Read the fields ``lower`` and ``upper`` of a box."""
-    got = fields(found, "box", 0, lower="l", upper="l")
+    got = fields(found, "box", 0, lower="F*", upper="F*")
     alike("box.lower, box.upper", got.lower, got.upper, range(count))
-    return [[number(v, "box") for v in side] for side in (got.lower, got.upper)]
-
-
-def applied(step: Any, kinds: dict[str, Step], rows: Regression, ends: Ends) -> Ends:
-    """Apply a step to a box; ends cross where nothing is left."""
-    kind = item(step, "is", "box.steps")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise Malformed(f"box.steps: {kind!r:.40} is not known")
-    return kinds[kind](step, rows, ends)
+    return [got.lower, got.upper]
 
 
 def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Bound sums of products, and each factor by them."""
-    got, p = fields(step, "box", 0, columns="l", steps="l"), rows.count
-    columns = [[word_of(m, p) for m in items(column, "box")] for column in got.columns]
+    got, p = fields(step, "box", 0, columns="i***", steps="l"), rows.count
+    columns = [[word_of(m, p) for m in column] for column in got.columns]
     every = [monomial for column in columns for monomial in column]
     if len(set(every)) < len(every) or not all(columns):
         raise Malformed("box.columns: a product that stands twice, or a column of none")
-    box = [(iv.below(a), iv.above(b)) for a, b in zip(*ends, strict=True)]
-    start = [total(column, box) for column in columns]
-    found: Ends = [[iv.exact(pair[side]) for pair in start] for side in (0, 1)]
+    box = intervals(ends)
+    found = rationals([total(column, box) for column in columns])
     lifted = Regression(rows.about, columns)
     for inner in got.steps:
-        found = applied(inner, ONE_BY_ONE, lifted, found)
+        found = kind_of(inner, ONE_BY_ONE, "box.steps")(inner, lifted, found)
     if nothing(found):
         return no_point(p)
-    known = [(iv.below(a), iv.above(b)) for a, b in zip(*found, strict=True)]
-    pairs = list(zip(columns, known, strict=True))
-    every_factor = denominators(rows.about)
+    pairs = list(zip(columns, intervals(found), strict=True))
+    outputs = [letters_of(rows.about, i) for i in rows.about.structure.outputs]
+    every_factor = [found for found in outputs if len(found) > 1]
     for factors in every_factor:
         settle_denominators(factors, pairs, box)
     for _ in range(SWEEPS):
@@ -111,12 +110,12 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
             settle(column, pair, box, pairs, every_factor)
             if any(a > b for a, b in box):
                 return no_point(p)
-    return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
+    return rationals(box)
 
 
-def word_of(found: Any, p: int) -> Word:
+def word_of(found: list[int], p: int) -> Word:
     """Read a product of parameters, which a file numbers from 0."""
-    below([whole(v, "box.columns") for v in items(found, "box.columns")], p, "box.columns")
+    below(found, p, "box.columns")
     if not found:
         raise Malformed("box.columns: a product of nothing")
     return tuple(sorted(v + 1 for v in found))
@@ -132,11 +131,10 @@ def without(monomial: Word, place: int) -> Word:
     return monomial[:place] + monomial[place + 1 :]
 
 
-def denominators(about: Any) -> list[Factors]:
-    """List the denominators, by their letters, of each output that has several."""
+def letters_of(about: Any, output: int) -> Factors:
+    """List the denominators of an output, by the letters of their coefficients."""
     letter = {name: v for v, name in enumerate(about.names, 1)}
-    outputs = [about.structure.denominators(i) for i in about.structure.outputs]
-    return [[[letter[name] for name in d] for d in found] for found in outputs if len(found) > 1]
+    return [[letter[name] for name in d] for d in about.structure.denominators(output)]
 
 
 def product_of(factors: Factors) -> dict[int, list[Word]]:
@@ -217,15 +215,13 @@ def by_directions(step: Any, rows: Regression, ends: Ends) -> Ends:
     1 / s is the largest of |theta_i| / c_i, so that with phi = s theta / c every consistent theta
     lies on a side phi_i = 1 or -1 of a cube. Each row is multiplied by s.
     """
-    got, p = fields(step, "box", 0, scale="l", sides="l"), rows.count
-    assumed, scale = stated_ends(step, p), [Fraction(finite(v, "box.scale")) for v in got.scale]
+    got, p = fields(step, "box", 0, scale="e*", sides="l"), rows.count
+    assumed, scale = stated_ends(step, p), got.scale
     alike("box: Directions", scale, range(p))
     alike("box.sides", got.sides, range(2 * p))
     if any(not c > 0 for c in scale):
         raise Malformed("box.scale: not positive")
-    if any(a > b for a, b in zip(assumed[0], ends[0], strict=True)) or any(
-        a < b for a, b in zip(assumed[1], ends[1], strict=True)
-    ):
+    if outside(ends, assumed):
         raise NotProved("bounds of directions are about a smaller box")
     least: Any = LARGEST
     for place, side in enumerate(got.sides):
@@ -247,12 +243,11 @@ def cube_side(
 
     The unknowns are phi, those of the problem that are no parameters, and s.
     """
-    got = fields(side, "box.sides", 0, rows="l", units="l", factors="l")
+    got = fields(side, "box.sides", 0, rows="i*", units="u*", factors="e*")
     given, p, n = about.problem, len(scale), about.problem.dimension
-    units = [unit(v) for v in got.units]
+    units, factors, rows = got.units, got.factors, []
     alike("box.sides.units", units, range(n + 1))
-    below([whole(v, "box.sides") for v in got.rows], len(given.constraints), "box.sides.rows")
-    rows = []
+    below(got.rows, len(given.constraints), "box.sides.rows")
     for c in (given.constraints[place] for place in got.rows):
         terms = {}
         for word, value in about.unscaled(c).items():
@@ -265,7 +260,6 @@ def cube_side(
         for end, sign in ((assumed[0][v], 1), (assumed[1][v], -1)):
             if end not in (INF, -INF):  # sign * (theta_v - end) >= 0, times s
                 rows.append(("NONNEGATIVE", {(v + 1,): sign * scale[v], (n + 1,): -sign * end}))
-    factors = [Fraction(finite(v, "box.sides.factors")) for v in got.factors]
     alike("box.sides.factors", factors, rows)
     if any(not v > 0 for v in factors):
         raise Malformed("box.sides.factors: not positive")

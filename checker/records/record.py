@@ -7,30 +7,31 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..arithmetic import interval as iv
-from ..arithmetic.polynomial import INF
+from ..arithmetic.interval import Interval
+from ..arithmetic.polynomial import INF, Terms, add_terms
 from ..certificates.certificate import Certificates
-from ..certificates.point import ProvedPoint, infeasible
+from ..certificates.point import ProvedPoint, at_point, infeasible
 from ..files.reading import (
     Constraint,
     Malformed,
+    alike,
     fields,
     item,
     items,
     number,
     problem,
-    rational,
+    read,
     text,
     times,
-    unit,
     whole,
 )
 from ..result import NotProved, shown
 from .driven import bounded_by
 from .fewer_priors import bounded_with_fewer
-from .linear_rows import Ends, bound_rows, combined, move
+from .linear_rows import Ends, bound_rows, combined, move, nothing
 from .parameter_box import proved_box
 from .stability import in_disc
-from .structure import ZERO, Record, Structure, Terms
+from .structure import ZERO, Record, Structure
 
 LIFTED = "lifted"  # the group of unknowns that stand for polynomials in the parameters
 GROUPS = {"eta": "output", "xi": "input", "e": "equation"}
@@ -40,17 +41,13 @@ class Identification:
     """An identification as a file states it, with what was found of it on the way."""
 
     def __init__(self, found: Any) -> None:
-        kinds = {k: "l" for k in ("parameters", "variables", "units", "rows", "given", "linear")}
-        kinds |= {"assumptions": "l", "ends": "l", "intervals": "l"}
+        kinds = {"parameters": "t*", "variables": "l", "units": "u*", "rows": "l", "given": "F**"}
+        kinds |= {"linear": "l", "assumptions": "t*", "ends": "l", "intervals": "l"}
         self.got = fields(found, "file", 0, **kinds)
         self.record = Record(found)
         self.problem = problem(item(found, "problem", "file"))
-        self.names = [text(name, "parameters") for name in self.got.parameters]
-        self.units = [unit(value) for value in self.got.units]
+        self.names, self.units, self.given = self.got.parameters, self.got.units, self.got.given
         self.box = item(found, "box", "file")
-        self.given: Ends = [
-            [number(v, "given") for v in items(ends, "given")] for ends in self.got.given
-        ]
         n, p = self.problem.dimension, len(self.names)
         if len(self.units) != n or len(self.got.variables) != n or len(set(self.names)) != p:
             raise Malformed("units, variables: not one for each unknown, or a name twice")
@@ -73,7 +70,7 @@ class Identification:
         self.loose = False  # whether they allow more than that
         self.left_out = 0  # equations without a row, as a sample is missing
         self.empty = False  # whether no parameters explain the record
-        self.ranges: dict[tuple[str, int, int], tuple[Any, Any]] = {}  # of missing samples
+        self.ranges: dict[tuple[str, int, int], Interval] = {}  # of missing samples
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
 
     def _number(self) -> None:
@@ -158,12 +155,12 @@ class Identification:
         """Replace unknowns that are defined by what defines them."""
         found: Terms = {}
         for word, value in stated.items():
-            kept = tuple(v for v in word if v not in self.lifted)
-            products = {kept: value}
+            products = {tuple(v for v in word if v not in self.lifted): value}
             for v in (v for v in word if v in self.lifted):
-                products = times_terms(products, self.lifted[v])
-            for product, coefficient in products.items():
-                found[product] = found.get(product, ZERO) + coefficient
+                shorter, products = products, {}
+                for factor, coefficient in self.lifted[v].items():
+                    add_terms(products, shorter, factor, coefficient)
+            add_terms(found, products)
         return {word: value for word, value in found.items() if value or not word}
 
     def unscaled(self, c: Constraint) -> Terms:
@@ -280,7 +277,7 @@ class Identification:
             size = self.record.bounds[GROUPS[group]][channel - 1][k]
             known = (-size, size)
         elif group in ("y", "u"):
-            known = self._known(group, channel, k)
+            known = iv.exactly(self._known(group, channel, k))
         if low > known[0] or high < known[1]:
             raise NotProved(f"the bounds of {group}{channel}[{k + 1}] do not follow")
         if group in ("y", "u"):  # what an equation implies holds with its row
@@ -288,50 +285,42 @@ class Identification:
             self.whole &= low >= known[0] and high <= known[1]
         self.whole &= group in ("y", "u") or (low, high) == known
 
-    def _known(self, letter: str, channel: int, k: int) -> tuple[Any, Any]:
+    def _known(self, letter: str, channel: int, k: int) -> Interval:
         """The range of a missing sample: what is given, and of an output what is implied."""
         if (letter, channel, k) not in self.ranges:
-            known = self.record.range(letter, channel - 1) or (-INF, INF)
-            implied = self._implied(channel, k) if letter == "y" else (-INF, INF)
-            low, high = max(known[0], implied[0]), min(known[1], implied[1])
-            # rounded outwards: exact ends are longer from sample to sample
-            self.ranges[letter, channel, k] = iv.exact(iv.below(low)), iv.exact(iv.above(high))
+            given = iv.around(*(self.record.range(letter, channel - 1) or (-INF, INF)))
+            implied = self._implied(channel, k) if letter == "y" else iv.WHOLE
+            self.ranges[letter, channel, k] = iv.met(given, implied)
         return self.ranges[letter, channel, k]
 
-    def _implied(self, channel: int, k: int) -> tuple[Any, Any]:
+    def _implied(self, channel: int, k: int) -> Interval:
         """The range of an output by its own equation, over the given ranges of parameters."""
         if self.structure is None or self.structure.splits(channel - 1):
-            return -INF, INF
+            return iv.WHOLE
         terms, first = self.structure.equation(f"y{channel}"), self.record.first(k)
         if not self.structure.zero and k - max(term.lag for term in terms) < first:
-            return -INF, INF
+            return iv.WHOLE
         error = self.record.bounds["equation"][channel - 1][k]
-        low, high = -error, error
+        found = iv.around(-error, error)
         for term in terms[1:]:
-            places = [self.names.index(name) for name in term.parameters]
-            factors = [(self.given[0][v], self.given[1][v]) for v in places]
             if term.signal and k - term.lag < first:
                 continue  # at rest before the record
+            part = iv.scaled(-term.sign, 0)
+            for v in map(self.names.index, term.parameters):
+                part = iv.times(part, iv.around(self.given[0][v], self.given[1][v]))
             if term.signal:
-                factors.append(self._sample(term.signal, k - term.lag))
-            if any(end in (INF, -INF) for pair in factors for end in pair):
-                return -INF, INF
-            a = b = Fraction(-term.sign)
-            for c, d in factors:
-                products = a * c, a * d, b * c, b * d
-                a, b = min(products), max(products)
-            low, high = low + a, high + b
-        return low, high
+                part = iv.times(part, self._sample(term.signal, k - term.lag))
+            found = iv.plus(found, part)
+        return found
 
-    def _sample(self, signal: str, k: int) -> tuple[Any, Any]:
+    def _sample(self, signal: str, k: int) -> Interval:
         """The range of a sample of a measured signal: its reading with noise, or as missing."""
         letter, channel = signal[0], int(signal[1:])
         value = (self.record.y if letter == "y" else self.record.u)[channel - 1][k]
         if value is None:
             return self._known(letter, channel, k)
-        bounds = self.record.bounds["output" if letter == "y" else "input"]
-        size = bounds[channel - 1][k]
-        return value - size, value + size
+        size = self.record.bounds["output" if letter == "y" else "input"][channel - 1][k]
+        return iv.around(value - size, value + size)
 
     # ---- intervals ------------------------------------------------------------------------
 
@@ -344,7 +333,7 @@ class Identification:
             box = bounded_by(self.driven, self, box)
         if self.fewer is not None:
             box = bounded_with_fewer(self.fewer, self, box)
-        empty = any(a > b for a, b in zip(*box, strict=True))
+        empty = nothing(box)
         used = {v for c in self.problem.constraints for w in c.words() for v in w}
         for v in range(len(self.names)):
             low, high = self.bounds(v)
@@ -355,8 +344,7 @@ class Identification:
                 self.chosen.add(v)
             self.whole &= low >= self.given[0][v] and high <= self.given[1][v]
         points = self._ends(box) + self._linear(box)
-        empty |= any(a > b for a, b in zip(*box, strict=True))
-        self.empty = empty
+        self.empty = empty = empty or nothing(box)
         lines = self._asked()
         for v, stated in enumerate(self.got.intervals):
             lines += self._interval(v, stated, box, points, empty)
@@ -382,8 +370,7 @@ class Identification:
             given = item(end, "certificate", "ends")
             if given is not None:
                 certificates = Certificates(given, about, "ends.certificate")
-                proved, _ = certificates.prove()
-                least = certificates.claim if proved >= certificates.claim else proved
+                least = min(certificates.claim, certificates.prove()[0])
                 self._move(box, v, side, times(least, self.units[v]))
             if item(end, "attained", "ends") is not None:
                 point = ProvedPoint(end["attained"], about, "ends.attained")
@@ -394,14 +381,12 @@ class Identification:
 
     def _linear(self, box: Ends) -> list[Any]:
         """Shrink the box by exact linear programs over the rows; the vertices they attain."""
-        n, points = self.problem.dimension, []
-        rows, equal = [], set[int]()
-        for k, c in enumerate(self.problem.constraints if self.got.linear else ()):
-            if any(len(word) > 1 for word in c.polynomial.open()):
+        n, points, rows = self.problem.dimension, [], []
+        for c in self.problem.constraints if self.got.linear else ():
+            if (row := c.polynomial.linear(n)) is None:
                 raise Malformed("linear: a row that is not linear")
-            slopes = [c.polynomial.coefficient((v + 1,)) for v in range(n)]
-            rows.append([*slopes, c.polynomial.coefficient()])
-            equal |= {k} if c.equality else set()
+            rows.append(row)
+        equal = {k for k, c in enumerate(self.problem.constraints) if c.equality}
         rows += bound_rows(self.problem.lower, self.problem.upper)
         for place, given in enumerate(self.got.linear):
             v, side = divmod(place, 2)
@@ -411,9 +396,10 @@ class Identification:
                 least = combined(rows, pairs, None if status == "INFEASIBLE" else (v, side), equal)
                 self._move(box, v, side, least)
             if item(given, "vertex", "linear") is not None:
-                x = [rational(value, "linear") for value in items(given["vertex"], "linear")]
-                if len(x) != n or infeasible(self.problem, x):
-                    raise NotProved(f"a vertex is not feasible ({infeasible(self.problem, x)})")
+                x = read(given["vertex"], "q*", "linear")
+                alike("linear.vertex", x, range(n))
+                if reason := infeasible(self.problem, *at_point(x)):
+                    raise NotProved(f"a vertex is not feasible ({reason})")
                 points.append(SimpleNamespace(x=x, radius=ZERO))
         return points
 
@@ -434,7 +420,7 @@ class Identification:
         lines += self._others_given() + self.stated
         for output in sorted(self.stable):
             lines.append(f"given: the poles of output {output} lie in the closed unit disc")
-        lines += [f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions]
+        lines += [f"assumed: {line}" for line in self.got.assumptions]
         lines += self._of_rows()
         return lines + [f"taken as given: {what}" for what in self.taken]
 
@@ -469,10 +455,13 @@ class Identification:
         """Check that the poles of an attained point are as they are said to be."""
         if not self.stable:
             return True
-        ends = [(x - point.radius, x + point.radius) for x in point.x]
-        scaled = dict(zip(self.names, zip(ends, self.units, strict=False), strict=False))
+        triples = zip(self.names, point.x, self.units, strict=False)
+        ends = {
+            name: iv.around((x - point.radius) * unit, (x + point.radius) * unit)
+            for name, x, unit in triples
+        }
         return all(
-            in_disc([(a * unit, b * unit) for (a, b), unit in (scaled[name] for name in names)])
+            in_disc([ends[name] for name in names])
             for output in self.stable
             for names in self.structure.denominators(output - 1)
         )
@@ -519,13 +508,3 @@ def _inside(found: Any, field: str, without: tuple[str, ...]) -> Identification 
         raise Malformed(f"{field}: an identification inside of it")
     shared = {name: item(found, name, "file") for name in ("record", "noise")}
     return Identification({**given, **shared})
-
-
-def times_terms(one: Terms, other: Terms) -> Terms:
-    """Multiply two polynomials."""
-    found: Terms = {}
-    for left, a in one.items():
-        for right, b in other.items():
-            word = tuple(sorted(left + right))
-            found[word] = found.get(word, ZERO) + a * b
-    return found

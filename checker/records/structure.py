@@ -16,12 +16,12 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from ..arithmetic.polynomial import Terms, add_terms
 from ..files.reading import Malformed, fields, finite, item, items, whole
 from ..result import NotProved
 
 ZERO = Fraction(0)
 ELIMINATED = ("multiplied", "lifted")  # forms without partial outputs
-Terms = dict[tuple[int, ...], Fraction]  # polynomials in the unknowns: sorted letters from 1
 
 
 class Term(NamedTuple):
@@ -230,10 +230,10 @@ class Record:
         """Write the polynomial of an equation at sample k, in all unknowns."""
         found: Terms = {}
         for term, sample in self._used(terms, k, zero):
-            heads = [parameters[name] + 1 for name in term.parameters]
-            _add(found, heads, term.sign * sample.known)
+            heads = tuple(parameters[name] + 1 for name in term.parameters)
+            add_terms(found, {heads: sample.known}, (), term.sign)
             if sample.letter:
-                _add(found, [*heads, sample.letter], Fraction(term.sign * sample.sign))
+                add_terms(found, {heads: Fraction(sample.sign)}, (sample.letter,), term.sign)
             elif sample.sign:
                 raise Malformed("variables: a sample that is not known has no unknown")
         return found
@@ -264,11 +264,6 @@ class Record:
             elif not zero:
                 raise Malformed(f"rows: sample {k} reaches before its record")
         return found
-
-
-def _add(found: Terms, letters: list[int], value: Fraction) -> None:
-    key = tuple(sorted(letters))
-    found[key] = found.get(key, ZERO) + value
 
 
 def columns_of(record: Record, path: str, names: list[str], table: list[Any]) -> list[str]:
