@@ -1,56 +1,13 @@
-"""Semidefinite matrices in rationals, and sums of squares that are exact."""
+"""Sums of squares that are exact."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 from ..arithmetic.polynomial import INF, Polynomial
 from ..files.reading import Malformed, alike, below, fields
-
-Rows = dict[int, dict[int, Fraction]]
-
-
-def eliminated(rows: Rows, last: int | None, pair: Callable[[Fraction], None]) -> bool:
-    """Check whether a symmetric matrix is positive semidefinite but for one row.
-
-    Rows other than ``last`` are eliminated. What each elimination takes from the diagonal entry
-    of row ``last`` goes to ``pair``.
-    """
-    depth = dict.fromkeys(rows, 0)
-    while len(rows) > (last in rows):
-        i = min((k for k in rows if k != last), key=lambda k: (len(rows[k]).bit_length(), depth[k]))
-        row = rows.pop(i)
-        pivot = row.pop(i, Fraction(0))
-        if pivot < 0 or (row and not pivot):
-            return False
-        for j in row:
-            del rows[j][i]
-            depth[j] = max(depth[j], depth[i] + 1)
-        others = list(row.items())
-        for place, (j, value) in enumerate(others):
-            share = value / pivot
-            for k, other in others[place:]:
-                if j == k == last:
-                    pair(share * other)
-                else:
-                    add(rows, j, k, -share * other)
-    return True
-
-
-def add(rows: Rows, i: int, j: int, value: Fraction) -> None:
-    """Change an entry and its mirror image by a value; what becomes zero is left out."""
-    changed = value + rows[i].pop(j, Fraction(0))
-    rows[j].pop(i, None)
-    if changed:
-        rows[i][j] = rows[j][i] = changed
-
-
-def semidefinite(matrix: list[list[Fraction]]) -> bool:
-    """Check whether a symmetric matrix of rationals is positive semidefinite."""
-    rows = {i: {j: v for j, v in enumerate(row) if v} for i, row in enumerate(matrix)}
-    return eliminated(rows, None, lambda _: None)
+from .elimination import Rows, add, pivoted
 
 
 class ExactGram:
@@ -90,7 +47,7 @@ class ExactGram:
             if letters:
                 add(rows, i, j, rest.get(letters, Fraction(0)) / (1 if i == j else 2))
         hidden: list[Fraction] = []
-        if not eliminated(rows, 0, hidden.append):
+        if not pivoted(rows, 0, hidden.append):
             return -INF
         while len(hidden) > 1:  # in pairs, so that long denominators meet near the end
             hidden = [sum(hidden[k : k + 2], Fraction(0)) for k in range(0, len(hidden), 2)]

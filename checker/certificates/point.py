@@ -11,7 +11,7 @@ from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
 from ..arithmetic.polynomial import INF, Polynomial, split
 from ..files.reading import Constraint, Malformed, Problem, alike, below, fields
-from .gram import semidefinite
+from .elimination import eliminated, semidefinite, solution
 from .left_inverse import dot, reached
 from .substitution import blocks, substituted
 
@@ -189,34 +189,8 @@ def solved_linearly(
             for head, part in parts.items()
         }
         table.append({key: value for key, value in row.items() if value or key < 0})
-    return _solution(table)
-
-
-def _solution(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
-    done: list[tuple[int, dict[int, Fraction]]] = []
-    while table:
-        table.sort(key=len, reverse=True)
-        row = table.pop()
-        columns = [key for key in row if key >= 0]
-        if not columns:
-            return None
-        column = min(columns, key=lambda key: sum(key in other for other in table))
-        pivot = row.pop(column)
-        rest = {key: -value / pivot for key, value in row.items()}
-        done.append((column, rest))
-        for other in table:
-            factor = other.pop(column, None)
-            if factor is None:
-                continue
-            for key, value in rest.items():
-                other[key] = other.get(key, Fraction(0)) + factor * value
-                if not other[key] and key >= 0:
-                    del other[key]
-    found = {-1: Fraction(1)}
-    for column, rest in reversed(done):
-        found[column] = sum((found[key] * value for key, value in rest.items()), Fraction(0))
-    del found[-1]
-    return found
+    done = eliminated(table)
+    return None if done is None else solution(done, {-1: Fraction(1)})
 
 
 def at_point(x: list[Fraction]) -> tuple[list[Range], RangeOf]:

@@ -11,16 +11,15 @@ what takes a multiplier to one that is orthogonal is bounded, upwards.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from fractions import Fraction
-from functools import reduce
 from itertools import product
 from math import gcd
-from typing import Any, NamedTuple
+from typing import Any
 
-from ..files.reading import Malformed, alike, below, fields, finite, whole
+from ..certificates.elimination import eliminated, solution
+from ..files.reading import Malformed, alike, below, fields
 from ..result import NotProved
-from .linear_rows import Ends, Regression, dot, joined, no_point
+from .linear_rows import Ends, Regression, dot, hull, move, walk
 from .structure import Term
 
 _FINE = 128  # bits of what corrects multipliers
@@ -28,12 +27,8 @@ _FINE = 128  # bits of what corrects multipliers
 Cone = list[list[int]]  # one vector a row
 
 
-class Leaf(NamedTuple):
-    """Multipliers of the vectors of a cone, powers of two by which these are divided, minors."""
-
-    family: list[int]
-    powers: list[int]
-    minors: list[Fraction]
+# Multipliers of the vectors of a cone, powers of two by which these are divided, minors.
+LEAF = {"family": "i*", "powers": "i*", "minors": "e*"}
 
 
 class Rows:
@@ -108,16 +103,21 @@ def _whole(value: Fraction, bits: int) -> int:
     return found.numerator
 
 
+def _check_powers(powers: list[int]) -> None:
+    """Refuse powers of two that no double has."""
+    if any(abs(power) > 1100 for power in powers):
+        raise Malformed("box: a power of two that no double has")
+
+
 class Multipliers:
     """Multipliers of the rows of an output, and how they are made orthogonal to its columns."""
 
-    def __init__(self, rows: Rows, found: list[Any], free: list[Any]) -> None:
+    def __init__(self, rows: Rows, found: list[Any], free: list[int]) -> None:
         self.rows = rows
         self.inside = [place for place, k in enumerate(rows.numbers) if k is not None]
         self.table = [self._read(one) for one in found]
-        numbers = [whole(k, "box.free") for k in free]
-        below(numbers, len(self.inside), "box.free")
-        self.free = [self.inside[k] for k in numbers]
+        below(free, len(self.inside), "box.free")
+        self.free = [self.inside[k] for k in free]
         alike("box.free", self.free, rows.columns)
         if len(set(self.free)) < len(self.free) or not all(rows.asked[k] for k in self.free):
             raise NotProved("samples that have no row")
@@ -127,18 +127,16 @@ class Multipliers:
 
     def _read(self, found: Any) -> tuple[int, list[int]]:
         """A power of two, and whole numbers that it multiplies, one for each sample."""
-        got = fields(found, "box.multipliers", 0, power="i", values="l")
-        values = [whole(v, "box.multipliers") for v in got.values]
-        alike("box.multipliers", values, self.inside)
-        if abs(got.power) > 1100:
-            raise Malformed("box.multipliers: a power of two that no double has")
-        given = dict(zip(self.inside, values, strict=True))
+        got = fields(found, "box.multipliers", 0, power="i", values="i*")
+        alike("box.multipliers", got.values, self.inside)
+        _check_powers([got.power])
+        given = dict(zip(self.inside, got.values, strict=True))
         values = [given.get(place, 0) for place in range(self.rows.count)]
         if any(v and not row for v, row in zip(values, self.rows.asked, strict=True)):
             raise NotProved("a multiplier of a sample without a row")
         return got.power, values
 
-    def family(self, leaf: Leaf, cone: Cone) -> tuple[list[list[int]], int]:
+    def family(self, leaf: Any, cone: Cone) -> tuple[list[list[int]], int]:
         """Read multipliers of a leaf as whole numbers times one power of two."""
         below(leaf.family, len(self.table), "box.family")
         alike("box.family", leaf.family, cone)
@@ -163,17 +161,15 @@ class Multipliers:
 def _inverse(matrix: list[list[Fraction]]) -> list[list[Fraction]]:
     """The inverse of a matrix."""
     n = len(matrix)
-    rows = [[*line, *(Fraction(i == j) for j in range(n))] for i, line in enumerate(matrix)]
-    for i in range(n):
-        pivot = next((k for k in range(i, n) if rows[k][i]), None)
-        if pivot is None:
-            raise NotProved("samples that determine no correction")
-        rows[i], rows[pivot] = rows[pivot], rows[i]
-        rows[i] = [v / rows[i][i] for v in rows[i]]
-        for k in range(n):
-            if k != i and rows[k][i]:
-                rows[k] = [a - rows[k][i] * b for a, b in zip(rows[k], rows[i], strict=True)]
-    return [row[n:] for row in rows]
+    rows = [
+        {j: v for j, v in enumerate(line) if v} | {~i: Fraction(-1)}
+        for i, line in enumerate(matrix)
+    ]
+    done = eliminated(rows)
+    if done is None:
+        raise NotProved("samples that determine no correction")
+    columns = [solution(done, {~k: Fraction(k == i) for k in range(n)}) for i in range(n)]
+    return [[column[j] for column in columns] for j in range(n)]
 
 
 def first_cones(order: int, stable: bool) -> list[Cone]:
@@ -202,12 +198,11 @@ def minor(cone: Cone, r: int, j: int, k: int) -> int:
 Gain = tuple[int, int, Fraction]  # number of its column, sign, the upper end
 
 
-def holds(table: Multipliers, leaf: Leaf, cone: Cone, stable: bool, gain: Gain | None) -> bool:
+def holds(table: Multipliers, leaf: Any, cone: Cone, stable: bool, gain: Gain | None) -> bool:
     """Check whether every pair of vectors asks for more than noise, or a gain."""
     rows, size = table.rows, len(cone)
     alike("box.powers", leaf.powers, cone)
-    if any(abs(power) > 1100 for power in leaf.powers):
-        raise Malformed("box.powers: a power of two that no double has")
+    _check_powers(leaf.powers)
     if leaf.minors and not (stable and len(leaf.minors) == rows.order - 2):
         raise NotProved("minors of denominators that need not be stable")
     shift = max(leaf.powers)
@@ -253,7 +248,7 @@ class Sides:
         return found
 
 
-def _minors(leaf: Leaf, vectors: Cone, j: int, k: int) -> Fraction:
+def _minors(leaf: Any, vectors: Cone, j: int, k: int) -> Fraction:
     weighted = (weight * minor(vectors, r, j, k) for r, weight in enumerate(leaf.minors, 1))
     return sum(weighted, Fraction(0))
 
@@ -270,7 +265,7 @@ class Tree:
     """Cones of one output, split, with what multipliers say of them."""
 
     def __init__(self, step: Any, regression: Regression) -> None:
-        kinds = {"output": "i", "stable": "b", "free": "l", "multipliers": "l", "nodes": "l"}
+        kinds = {"output": "i", "stable": "b", "free": "i*", "multipliers": "l", "nodes": "l"}
         self.got = fields({"rest": False, **step}, "box", 0, **kinds, limits="l", rest="b")
         self.regression, self.stable = regression, self.got.stable
         self.rows = Rows(regression.about, self.got.output, self.got.rest)
@@ -280,28 +275,23 @@ class Tree:
             place = fields(limit, "box.limits", 0, cell="i").cell
             self.limits.setdefault(place, []).append(limit)
 
-    def leaves(self, ends: Ends) -> Iterator[Ends]:
+    def leaves(self, ends: Ends) -> list[Ends]:
         """List boxes of the leaves that are left."""
         if not self.stable and self.rows.order >= len(self.got.nodes).bit_length():
             raise Malformed("box.nodes: fewer than there are first cones")
-        firsts = first_cones(self.rows.order, self.stable)
-        waiting, seen = [(n, cone, ends) for n, cone in enumerate(firsts)], set[int]()
-        kinds = dict.fromkeys(("children", "edge", "weights", "family", "powers", "minors"), "l")
-        while waiting:
-            place, cone, inside = waiting.pop()
-            below([place], len(self.got.nodes), "box.nodes")
-            node = fields(self.got.nodes[place], "box.nodes", 0, **kinds)
-            children = [whole(child, "box.nodes") for child in node.children]
-            if place in seen or any(child <= place for child in children):
-                raise Malformed("box.nodes: a cone that stands twice, or before its whole")
-            seen.add(place)
-            inside, leaf = self._limited(place, cone, inside), _leaf(node)
-            if children:
-                alike("box.nodes: a cone is split in two", children, "ab")
-                pairs = zip(children, _split(cone, node), strict=True)
-                waiting += [(child, part, inside) for child, part in pairs]
-            elif not (leaf.powers and holds(self.table, leaf, cone, self.stable, None)):
-                yield self._monic(cone, inside)
+        found = []
+
+        def parts(place: int, node: Any, own: tuple[Cone, Ends]) -> list[tuple[Cone, Ends]]:
+            cone, inside = own[0], self._limited(place, *own)
+            if node.children:
+                return [(part, inside) for part in _split(cone, node)]
+            if not (node.powers and holds(self.table, node, cone, self.stable, None)):
+                found.append(self._monic(cone, inside))
+            return []
+
+        firsts = [(cone, ends) for cone in first_cones(self.rows.order, self.stable)]
+        walk(self.got.nodes, firsts, parts, edge="i*", weights="i*", **LEAF)
+        return found
 
     def _monic(self, cone: Cone, ends: Ends) -> Ends:
         """A box with the least and the largest ratios of a cone."""
@@ -317,20 +307,16 @@ class Tree:
     def _limited(self, place: int, cone: Cone, ends: Ends) -> Ends:
         """A box with the ends of gains that hold on a cone."""
         found, turned = [list(side) for side in ends], upright(cone)
-        kinds = dict.fromkeys(("family", "powers", "minors"), "l")
         for limit in self.limits.get(place, ()):
-            got = fields(limit, "box.limits", 0, parameter="i", sign="i", value="f", **kinds)
+            got = fields(limit, "box.limits", 0, parameter="i", sign="i", value="e", **LEAF)
             below([got.parameter], self.regression.count, "box.limits")
             column = self.rows.gains.get(self.regression.about.names[got.parameter])
             if got.sign not in (1, -1):
                 raise Malformed("box.limits: a sign other than 1 and -1")
             if column is None or turned is None:
                 raise NotProved("a limit of no gain, or on a cone of no monic denominators")
-            value = Fraction(got.value)
-            if holds(self.table, _leaf(got), turned, self.stable, (column, got.sign, value)):
-                side = int(got.sign > 0)
-                nearer = min if side else max
-                found[side][got.parameter] = nearer(found[side][got.parameter], got.sign * value)
+            if holds(self.table, got, turned, self.stable, (column, got.sign, got.value)):
+                move(found, got.parameter, int(got.sign > 0), -got.value)
         return found
 
 
@@ -339,20 +325,13 @@ def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
     tree = Tree(step, rows)
     if tree.stable:
         rows.about.stable.add(tree.got.output)
-    return reduce(joined, tree.leaves(ends), no_point(rows.count))
-
-
-def _leaf(found: Any) -> Leaf:
-    """Multipliers, powers and minors of a node or a limit."""
-    family = [whole(v, "box.nodes") for v in found.family]
-    powers = [whole(v, "box.nodes") for v in found.powers]
-    return Leaf(family, powers, [Fraction(finite(v, "box.nodes")) for v in found.minors])
+    return hull(tree.leaves(ends), rows.count)
 
 
 def _split(cone: Cone, node: Any) -> tuple[Cone, Cone]:
     """The parts of a cone on both sides of a vector on an edge."""
     alike("box.nodes: an edge has two ends", node.edge, node.weights, "ab")
-    i, j, one, two = (whole(v, "box.nodes") for v in (*node.edge, *node.weights))
+    i, j, one, two = *node.edge, *node.weights
     below([i, j], len(cone), "box.nodes: edge")
     if i == j or min(one, two) <= 0:
         raise Malformed("box.nodes: an edge that parts nothing")

@@ -5,10 +5,10 @@ The columns m are the parameters, or sums of products of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from operator import mul
-from typing import Any
+from typing import Any, TypeVar
 
 from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
@@ -28,6 +28,7 @@ from ..files.reading import (
 from ..result import NotProved
 
 ZERO = Fraction(0)
+T = TypeVar("T")
 Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
 
 
@@ -63,12 +64,11 @@ def no_point(count: int) -> Ends:
     return [[INF] * count, [-INF] * count]
 
 
-def joined(ends: Ends, other: Ends) -> Ends:
-    """Enclose two boxes, the second of which may be empty."""
-    if nothing(other):
-        return ends
-    lows = [min(pair) for pair in zip(ends[0], other[0], strict=True)]
-    return [lows, [max(pair) for pair in zip(ends[1], other[1], strict=True)]]
+def hull(boxes: list[Ends], count: int) -> Ends:
+    """Enclose boxes, some of which may be empty."""
+    left = [no_point(count), *(ends for ends in boxes if not nothing(ends))]
+    lows, highs = zip(*left, strict=True)
+    return [list(map(min, *lows)), list(map(max, *highs))] if len(left) > 1 else left[0]
 
 
 def dot(a: Iterable[int], b: Iterable[int]) -> int:
@@ -161,29 +161,41 @@ def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what linear programs prove on the parts that signs of parameters make."""
-    nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
-    if not nodes:
-        raise Malformed("box.nodes: there is none")
-    hull = no_point(p)
-    stack, seen = [(0, ends)], set[int]()
-    while stack:
-        place, part = stack.pop()
-        if place in seen:
-            raise Malformed("box: a node that is a child twice")
-        seen.add(place)
-        node = fields(nodes[place], "box", 0, split="i", children="l", rows="l", bounds="l")
+    found: list[Ends] = []
+
+    def parts(_: int, node: Any, part: Ends) -> list[Ends]:
         if node.split < 0:
-            hull = joined(hull, leaf(node, rows, part))
-            continue
-        if len(node.children) != 2 or node.split >= p:
-            raise Malformed("box: a split of no parameter, or not in two")
-        if any(not place < whole(child, "box") < len(nodes) for child in node.children):
-            raise Malformed("box: children that do not come later")
+            found.append(leaf(node, rows, part))
+            return []
+        below([node.split], rows.count, "box.nodes.split")
         left, right = ([list(side) for side in part] for _ in range(2))
-        left[1][node.split] = min(left[1][node.split], ZERO)
-        right[0][node.split] = max(right[0][node.split], ZERO)
-        stack += [(node.children[0], left), (node.children[1], right)]
-    return hull
+        move(left, node.split, 1, ZERO)
+        move(right, node.split, 0, ZERO)
+        return [left, right]
+
+    walk(item(step, "nodes", "box"), [ends], parts, split="i", rows="l", bounds="l")
+    return hull(found, rows.count)
+
+
+def walk(
+    found: Any, firsts: list[T], parts: Callable[[int, Any, T], list[T]], **kinds: Any
+) -> None:
+    """Go through trees of nodes, the roots first, whose children come later and only once.
+
+    ``parts`` tells of a node's number, its fields and its own part what the parts of its children
+    are: two, or none for a leaf.
+    """
+    nodes, seen, waiting = items(found, "box.nodes"), set[int](), list(enumerate(firsts))
+    while waiting:
+        place, own = waiting.pop()
+        below([place], len(nodes), "box.nodes")
+        node = fields(nodes[place], "box.nodes", 0, children="i*", **kinds)
+        if place in seen or any(child <= place for child in node.children):
+            raise Malformed("box.nodes: a node that stands twice, or before what it is part of")
+        seen.add(place)
+        if halves := parts(place, node, own):
+            alike("box.nodes: a node is split in two", node.children, halves)
+            waiting += zip(node.children, halves, strict=True)
 
 
 def leaf(node: Any, rows: Regression, part: Ends) -> Ends:

@@ -13,9 +13,9 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic.polynomial import INF
-from ..files.reading import Malformed, alike, below, fields, finite, items, text, whole
+from ..files.reading import Malformed, alike, below, fields, items, read, text
 from ..result import NotProved
-from .linear_rows import Ends, Regression, dot, joined, no_point
+from .linear_rows import Ends, Regression, dot, hull, walk
 from .structure import Term
 
 _K = 320
@@ -218,14 +218,15 @@ class Simulation:
 
     def _given(self, number: int, sign: int) -> tuple[list[Fraction], Fraction]:
         """A constraint of the problem that is linear in the parameters alone."""
-        problem, units, p = self.about.problem, self.about.units, len(self.places)
-        below([number], len(problem.constraints), "box.rows")
-        c = problem.constraints[number]
-        linear = all(len(word) == 1 and word[0] <= p for word in c.polynomial.open())
-        if c.side or not linear or (sign < 0 and not c.equality):
+        constraints, units = self.about.problem.constraints, self.about.units
+        below([number], len(constraints), "box.rows")
+        c = constraints[number]
+        row = c.polynomial.linear(len(self.places))
+        if c.side or row is None or (sign < 0 and not c.equality):
             raise NotProved("a row that is not linear in the parameters alone")
-        slopes = [-sign * c.polynomial.coefficient((v + 1,)) / units[v] for v in range(p)]
-        return slopes, sign * c.polynomial.coefficient()
+        *slopes, constant = row
+        slopes = [-sign * slope / unit for slope, unit in zip(slopes, units, strict=False)]
+        return slopes, sign * constant
 
     def _chords(
         self, output: int, k: int, sign: int, region: Region
@@ -258,13 +259,8 @@ def _response(poles: list[tuple[int, Form]], samples: int) -> list[int]:
 def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
     """Enclose what multipliers leave of the regions of a tree."""
     about, p = Simulation(rows.about, rows), rows.count
-    got = fields(step, "box", 0, directions="l", shares="l", nodes="l")
-    if not got.nodes:
-        raise Malformed("box.nodes: there is none")
-    tables = [
-        [[down(finite(v, "box")) for v in items(line, "box")] for line in table]
-        for table in (got.directions, got.shares)
-    ]
+    got = fields(step, "box", 0, directions="f**", shares="f**", nodes="l")
+    tables = [[list(map(down, line)) for line in table] for table in (got.directions, got.shares)]
     box = about.root(ends)
     alike("box.shares", tables[1], box[0])
     alike("box.directions", *tables[0], box[0])
@@ -274,32 +270,25 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
         pairs = [sorted((g * a, g * b)) for g, a, b in zip(row, *box, strict=True)]
         reach[0].append(sum(low for low, _ in pairs) >> _K)
         reach[1].append(up(sum(high for _, high in pairs)))
-    hull = no_point(p)
-    stack, seen = [(0, Region(box, reach, *tables))], set[int]()
-    while stack:
-        place, region = stack.pop()
-        if place in seen:
-            raise Malformed("box: a node that is a child twice")
-        seen.add(place)
-        node = fields(got.nodes[place], "box", 0, steps="l", split="i", at="f", children="l")
+    found: list[Ends] = []
+
+    def parts(_: int, node: Any, region: Region) -> list[Region]:
         for inner in node.steps:
             region = region if region.empty else tightened(inner, about, region)
         if region.empty:
-            continue
+            return []
         if not node.children:
-            found = [[Fraction(v, ONE) for v in side[:p]] for side in (region.low, region.high)]
-            hull = joined(hull, found)
-            continue
-        if any(not place < whole(child, "box") < len(got.nodes) for child in node.children):
-            raise Malformed("box: children that do not come later")
-        alike("box: a node is split in two", node.children, "ab")
-        below([node.split], len(region.low + region.least), "box.split")
+            sides = region.low[:p], region.high[:p]
+            found.append([[Fraction(v, ONE) for v in side] for side in sides])
+            return []
         low, high, at = region.low + region.least, region.high + region.most, down(node.at)
+        below([node.split], len(low), "box.split")
         first, second = list(high), list(low)
         first[node.split], second[node.split] = min(at, first[node.split]), max(at, low[node.split])
-        stack.append((node.children[0], moved(region, low, first)))
-        stack.append((node.children[1], moved(region, second, high)))
-    return hull
+        return [moved(region, low, first), moved(region, second, high)]
+
+    walk(got.nodes, [Region(box, reach, *tables)], parts, steps="l", split="i", at="f")
+    return hull(found, p)
 
 
 def moved(region: Region, low: list[int], high: list[int]) -> Region:
@@ -310,17 +299,18 @@ def moved(region: Region, low: list[int], high: list[int]) -> Region:
 
 def named(found: Any) -> tuple[str, int, int, int]:
     """Read the kind of a row, two numbers, and a sign."""
-    kind, number, k, sign = items(found, "box.rows")
-    if min(whole(number, "box.rows"), whole(k, "box.rows")) < 0:
+    kind, *numbers = items(found, "box.rows")
+    number, k, sign = read(numbers, "i*", "box.rows")
+    if min(number, k) < 0:
         raise Malformed("box.rows: no such row")
-    if whole(sign, "box.rows") not in (1, -1):
+    if sign not in (1, -1):
         raise Malformed("box.rows: a sign other than 1 and -1")
     return text(kind, "box.rows"), number, k, sign
 
 
 def tightened(step: Any, about: Simulation, region: Region) -> Region:
     """Tighten a region by multipliers of rows, by weak duality over its box."""
-    got, d = fields(step, "box", 0, rows="l", weights="l"), len(region.low)
+    got, d = fields(step, "box", 0, rows="l", weights="f**"), len(region.low)
     asked = [named(row) for row in got.rows]
     signals = about.run(region, max((k for kind, _, k, _ in asked if kind == "output"), default=0))
     rows = [about.row(row, region, signals) for row in asked]
@@ -329,7 +319,7 @@ def tightened(step: Any, about: Simulation, region: Region) -> Region:
     alike("box.weights", got.weights, goals)
     most = []
     for goal, line in zip(goals, got.weights, strict=True):
-        weights = [max(down(finite(v, "box.weights")), 0) for v in items(line, "box.weights")]
+        weights = [max(down(v), 0) for v in line]
         alike("box.weights", weights, rows)
         left = [g << _K for g in goal]
         for weight, (slope, _) in zip(weights, rows, strict=True):

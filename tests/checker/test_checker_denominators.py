@@ -7,6 +7,7 @@ import json
 import random
 from fractions import Fraction
 from operator import mul
+from types import SimpleNamespace
 
 import pytest
 from record_corpus import written
@@ -15,7 +16,6 @@ from test_checker_simulation import about
 
 from checker.files import reading
 from checker.records.denominators import (
-    Leaf,
     Multipliers,
     Rows,
     by_denominators,
@@ -32,6 +32,11 @@ from checker.result import NotProved
 STATIC = {"na": 0, "nb": 1, "nk": 0, "initial": "free"}
 FIRST = {"na": 1, "nb": 1, "nk": 0, "initial": "free"}
 CONES = ("cones-first", "cones-second", "cones-outputs", "cones-rest", "cones-third")
+
+
+def leaf_of(family: list[int], powers: list[int], minors: list[Fraction]) -> SimpleNamespace:
+    """The fields of a leaf that a test needs."""
+    return SimpleNamespace(family=family, powers=powers, minors=minors)
 
 
 def regression(known: Identification) -> Regression:
@@ -89,8 +94,8 @@ def test_rows_at_rest_need_a_structure_that_begins_there():
             assert found.columns == [[0, 0, found.y[2]]] and found.noise[0] == 0
             table = Multipliers(found, [{"power": 0, "values": [1, 0]}], [1])
             assert table.table == [(0, [0, 1, 0])] and table.free == [2]
-            assert holds(table, Leaf([0], [0], []), [[1, 0]], False, None)
-            assert not holds(table, Leaf([0], [0], []), [[0, 1]], False, None)
+            assert holds(table, leaf_of([0], [0], []), [[1, 0]], False, None)
+            assert not holds(table, leaf_of([0], [0], []), [[0, 1]], False, None)
             continue
         with pytest.raises(NotProved):
             by_denominators(made | {"rest": rest}, rows, ends)
@@ -248,7 +253,7 @@ def test_limits_hold_where_definitions_say(order):
         for m in family:
             way = -sign * sum(map(mul, m, rows.columns[0]))
             m[:] = [v if way > 0 else -v for v in m]
-        leaf = Leaf(list(range(order + 1)), powers, minors)
+        leaf = leaf_of(list(range(order + 1)), powers, minors)
         end = least(rows, family, leaf, cone, sign)
         if end is None:
             continue
@@ -385,7 +390,7 @@ def test_minors_need_denominators_that_are_stable():
     cones = [[[4 * v + (i == j) for j, v in enumerate([1, 0, 0, 8])] for i in range(4)]]
     rows = Rows(known, 1)
     table = Multipliers(rows, [], [3])
-    minors = Leaf([], [0] * 4, [Fraction(1)])
+    minors = leaf_of([], [0] * 4, [Fraction(1)])
     assert holds(table, minors, cones[0], True, None)
     with pytest.raises(NotProved, match="need not be stable"):
         holds(table, minors, cones[0], False, None)
