@@ -7,22 +7,22 @@ from fractions import Fraction
 from math import inf, nextafter
 from typing import Any
 
-from .arithmetic.polynomial import INF, Polynomial, total
+from .arithmetic.polynomial import INF, ONE, Polynomial, total
 from .certificates.certificate import Certificates
 from .files.reading import (
     Constraint,
     Malformed,
     Problem,
+    alike,
+    each,
     fields,
     item,
     items,
     polynomial,
     problem,
-    whole,
 )
 from .result import NotProved, check_claims, proved_bound
 
-ONE = Polynomial({(): 1})
 Ratio = tuple[Polynomial, Polynomial]
 
 
@@ -74,18 +74,27 @@ def key(p: Polynomial) -> Any:
 # ---- reading ---------------------------------------------------------------------------------
 
 
+def ratio(found: Any, n: int, place: str) -> Ratio:
+    """Read a numerator and a denominator."""
+    alike(place, items(found, place), "pq")
+    return polynomial(found[0], n, place), polynomial(found[1], n, place)
+
+
 def rational(found: Any, n: int, place: str) -> Rational:
     """Read a sum of ratios; denominators have variables and differ."""
-    got = fields(found, place, n, whole=polynomial, ratios="l")
-    pairs = []
-    for k, pair in enumerate(got.ratios):
-        here = f"{place}.ratios[{k}]"
-        if len(items(pair, here)) != 2:
-            raise Malformed(f"{here}: no numerator and denominator")
-        pairs.append((polynomial(pair[0], n, here), polynomial(pair[1], n, here)))
-    if any(not q.open() for _, q in pairs) or len({key(q) for _, q in pairs}) < len(pairs):
+    got = fields(found, place, n, whole=polynomial, ratios=each(ratio))
+    below = [q for _, q in got.ratios]
+    if any(not q.open() for q in below) or len({key(q) for q in below}) < len(below):
         raise Malformed(f"{place}: a denominator that is constant, or occurs twice")
-    return Rational(got.whole, pairs)
+    return Rational(got.whole, got.ratios)
+
+
+def row(found: Any, n: int, place: str) -> tuple[str, Rational]:
+    """Read a constraint of a sum of ratios."""
+    got = fields(found, place, n, expression=rational, kind="t")
+    if got.kind not in ("NONNEGATIVE", "ZERO"):
+        raise Malformed(f"{place}: kind {got.kind!r:.20}")
+    return got.kind, got.expression
 
 
 class RationalProblem:
@@ -93,21 +102,16 @@ class RationalProblem:
 
     def __init__(self, found: Any, place: str = "rational_problem") -> None:
         aim = item(item(found, "objective", place), "whole", place)
-        n = whole(item(aim, "dimension", place), place)
-        got = fields(found, place, n, objective=rational, rational_constraints="l", sense="t")
+        n = fields(aim, place, 0, dimension="i").dimension
+        kinds = {"objective": rational, "rational_constraints": each(row), "sense": "t"}
+        got = fields(found, place, n, **kinds)
         nothing = {"type": "i4", "shape": [0, 1], "data": []}
         zero = {"words": nothing, "coefficients": {"type": "f8", "shape": [0], "data": []}}
         base = {name: item(found, name, place) for name in ("constraints", "lower", "upper")}
         base |= {"names": item(found, "names", place), "sense": got.sense, "squares": []}
         base["objective"] = zero | {"dimension": n}
         self.base, self.objective = problem(base, place), got.objective
-        self.rows: list[tuple[str, Rational]] = []
-        for k, row in enumerate(got.rational_constraints):
-            here = f"{place}.rational_constraints[{k}]"
-            one = fields(row, here, n, expression=rational, kind="t")
-            if one.kind not in ("NONNEGATIVE", "ZERO"):
-                raise Malformed(f"{here}: kind {one.kind!r:.20}")
-            self.rows.append((one.kind, one.expression))
+        self.rows: list[tuple[str, Rational]] = got.rational_constraints
         everything = [self.objective, *(expression for _, expression in self.rows)]
         self.denominators = list({key(q): q for f in everything for _, q in f.ratios}.values())
         self._places = {key(q): k for k, q in enumerate(self.denominators)}
@@ -183,7 +187,7 @@ class RationalCertificate:
 
     def range_of(self, found: Any, q: Polynomial, place: str) -> Range:
         """Prove the sign of a denominator and bound its size; raise without a sign."""
-        sign = whole(item(found, "sign", place), place)
+        sign = fields(found, place, 0, sign="i").sign
         if sign not in (1, -1):
             raise Malformed(f"{place}.sign: {sign}")
         least = self.claimed(item(found, "below", place), q.signed(sign), f"{place}.below")

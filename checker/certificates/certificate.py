@@ -14,13 +14,12 @@ from ..files.reading import (
     Problem,
     alike,
     below,
+    branch,
     each,
-    exact,
     fields,
     items,
-    kind_of,
+    one_of,
     perhaps,
-    whole,
 )
 from .exact_dual import ExactDual
 from .gram import ExactGram
@@ -31,13 +30,6 @@ from .propagation import Row as BoxRow
 
 Holds = Callable[[int, int, int], "Fraction | None"]
 MOST_SWEEPS = 200  # the box of fewer sweeps is larger, so that nothing false follows
-
-
-def one_of(*kinds: type) -> Callable[[Any, int, str], Any]:
-    """Make a reader of objects of one of several kinds, by their names."""
-    named = {kind.__name__: kind for kind in kinds}
-    return lambda found, n, place: kind_of(found, named, place)(found, n, place)
-
 
 argument_of = perhaps(one_of(Identity, LinearDual, ExactGram, ExactDual))
 
@@ -321,19 +313,12 @@ class Part:
 
     def __init__(self, found: Any, n: int, place: str, own: int, count: int) -> None:
         kinds = {"steps": each(step_of), "empty": "b", "children": "i*"}
-        got = fields(found, place, n, argument=argument_of, branch=perhaps(_branch), **kinds)
+        got = fields(found, place, n, argument=argument_of, branch=perhaps(branch), **kinds)
         self.place, self.argument, self.empty = place, got.argument, got.empty
         self.steps, self.children, self.branch = got.steps, got.children, got.branch
         below([count - 1 - child for child in self.children], count - 1 - own, f"{place}.children")
         if len(self.children) != (0 if self.branch is None else 2):
             raise Malformed(f"{place}: {len(self.children)} children")
-
-
-def _branch(found: Any, n: int, place: str) -> tuple[int, Fraction]:
-    """Read the variable and the place of a split."""
-    alike(place, items(found, place), range(2))
-    below([whole(found[0], place)], n, place)
-    return found[0], exact(found[1], place)
 
 
 class Certificate:

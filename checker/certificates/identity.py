@@ -6,17 +6,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic import interval as iv
-from ..arithmetic.polynomial import (
-    INF,
-    ONE,
-    Polynomial,
-    Substitution,
-    Terms,
-    Word,
-    dyadic,
-    powers,
-    total,
-)
+from ..arithmetic.polynomial import INF, ONE, Polynomial, Substitution, Word, dyadic, powers, total
 from ..files.reading import Constraint, Malformed, alike, array, below, each, fields, perhaps, times
 
 Range = tuple[Any, Any]  # rational ends, INF or -INF
@@ -118,7 +108,7 @@ class Generators:
         return (v + 1,) if end == 0 and other == INF else None
 
 
-def cost(terms: Terms) -> Fraction:
+def cost(terms: dict[Word, Fraction]) -> Fraction:
     """Bound -(sum of c w) from above, words w in variables of [-1, 1]."""
     odd = {word: any(n % 2 for _, n in powers(word)) for word in terms}
     sizes = (abs(c) if odd[word] else max(-c, Fraction(0)) for word, c in terms.items())
@@ -242,7 +232,7 @@ class Identity:
         box = [(iv.below(low), iv.above(high)) for low, high in ends]
         return iv.exact(iv.range_over(self.priced, box)[0])
 
-    def _absorb(self, left: Terms, made: Generators) -> tuple[Any, str]:
+    def _absorb(self, left: dict[Word, Fraction], made: Generators) -> tuple[Any, str]:
         """Move monomials without a range into the floors; what moment blocks keep, or a reason."""
         kept = []
         for group in self.groups:
@@ -260,7 +250,7 @@ class Identity:
         return min(kept, default=Fraction(0)), reason
 
 
-def _taken(left: Terms, basis: list[Word], sign: Word) -> Fraction:
+def _taken(left: dict[Word, Fraction], basis: list[Word], sign: Word) -> Fraction:
     """Take monomials into a Gram matrix; the largest row sum of what was added to it."""
     sums = [Fraction(0)] * len(basis)
     for i in range(len(basis) if left else 0):

@@ -273,6 +273,19 @@ def kind_of(found: Any, kinds: dict[str, Any], place: str) -> Any:
     return kinds[name]
 
 
+def one_of(*kinds: type) -> Callable[[Any, int, str], Any]:
+    """Make a reader of objects of one of several classes, by their names."""
+    named = {kind.__name__: kind for kind in kinds}
+    return lambda found, n, place: kind_of(found, named, place)(found, n, place)
+
+
+def branch(found: Any, n: int, place: str) -> tuple[int, Fraction]:
+    """Read the variable and the place of a split."""
+    alike(place, items(found, place), "vx")
+    below([whole(found[0], place)], n, place)
+    return found[0], exact(found[1], place)
+
+
 def alike(place: str, *lists: Sized) -> None:
     """Refuse lists of several lengths."""
     if len({len(values) for values in lists}) > 1:

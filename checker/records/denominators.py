@@ -19,7 +19,8 @@ from typing import Any
 from ..certificates.elimination import eliminated, solution
 from ..files.reading import Malformed, alike, below, fields
 from ..result import NotProved
-from .linear_rows import Ends, Regression, dot, hull, move, walk
+from .box import Ends, dot, hull, move, walk
+from .linear_rows import Regression
 from .structure import Term
 
 _FINE = 128  # bits of what corrects multipliers

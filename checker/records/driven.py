@@ -12,8 +12,8 @@ from typing import Any
 
 from ..arithmetic import interval as iv
 from ..result import NotProved
+from .box import Ends, intervals, met, no_point, rationals
 from .fewer_priors import check_given, outer_ends
-from .linear_rows import Ends, intervals, met, no_point, rationals
 from .parameter_box import at_one, letters_of
 
 ORDERS = ("na", "nb", "nk", "common_denominator", "offset")

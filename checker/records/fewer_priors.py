@@ -12,7 +12,7 @@ from typing import Any
 from ..arithmetic.polynomial import INF
 from ..files.reading import fields
 from ..result import NotProved
-from .linear_rows import Ends, met, no_point
+from .box import Ends, met, no_point
 
 
 def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:

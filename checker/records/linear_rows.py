@@ -5,83 +5,15 @@ The columns m are the parameters, or sums of products of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from fractions import Fraction
-from operator import mul
-from typing import Any, TypeVar
+from typing import Any
 
 from ..arithmetic import interval as iv
-from ..arithmetic.interval import Interval
 from ..arithmetic.polynomial import INF, Word, split
 from ..certificates.left_inverse import contracts
-from ..files.reading import (
-    Malformed,
-    alike,
-    below,
-    fields,
-    item,
-    items,
-    rational,
-    read,
-    whole,
-)
+from ..files.reading import Malformed, alike, below, fields, item, items, rational, read
 from ..result import NotProved
-
-ZERO = Fraction(0)
-T = TypeVar("T")
-Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
-
-
-def intervals(ends: Ends) -> list[Interval]:
-    """Convert a box to intervals in fixed point."""
-    return [iv.around(*pair) for pair in zip(*ends, strict=True)]
-
-
-def rationals(box: list[Interval]) -> Ends:
-    """Convert a box back."""
-    return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
-
-
-def outside(ends: Ends, other: Ends) -> list[int]:
-    """List the variables whose ends leave another box."""
-    sides = enumerate(zip(*ends, *other, strict=True))
-    return [v for v, (a, b, low, high) in sides if a < low or high < b]
-
-
-def nothing(ends: Ends) -> bool:
-    """Check whether a box is empty."""
-    return any(a > b for a, b in zip(*ends, strict=True))
-
-
-def met(ends: Ends, low: list[Any], high: list[Any]) -> Ends:
-    """Intersect with another box."""
-    lows = [max(pair) for pair in zip(ends[0], low, strict=True)]
-    return [lows, [min(pair) for pair in zip(ends[1], high, strict=True)]]
-
-
-def no_point(count: int) -> Ends:
-    """Make an empty box."""
-    return [[INF] * count, [-INF] * count]
-
-
-def hull(boxes: list[Ends], count: int) -> Ends:
-    """Enclose boxes, some of which may be empty."""
-    left = [no_point(count), *(ends for ends in boxes if not nothing(ends))]
-    lows, highs = zip(*left, strict=True)
-    return [list(map(min, *lows)), list(map(max, *highs))] if len(left) > 1 else left[0]
-
-
-def dot(a: Iterable[int], b: Iterable[int]) -> int:
-    """Sum products."""
-    return sum(map(mul, a, b))
-
-
-def move(box: Ends, v: int, side: int, least: Any) -> None:
-    """Shrink a box by x_v >= least (side 0) or -x_v >= least (side 1)."""
-    if side == 0:
-        box[0][v] = max(box[0][v], least)
-    else:
-        box[1][v] = min(box[1][v], -least)
+from .box import ZERO, Ends, hull, met, move, no_point, walk
 
 
 def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
@@ -177,27 +109,6 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
     return hull(found, rows.count)
 
 
-def walk(
-    found: Any, firsts: list[T], parts: Callable[[int, Any, T], list[T]], **kinds: Any
-) -> None:
-    """Go through trees of nodes, the roots first, whose children come later and only once.
-
-    ``parts`` tells of a node's number, its fields and its own part what the parts of its children
-    are: two, or none for a leaf.
-    """
-    nodes, seen, waiting = items(found, "box.nodes"), set[int](), list(enumerate(firsts))
-    while waiting:
-        place, own = waiting.pop()
-        below([place], len(nodes), "box.nodes")
-        node = fields(nodes[place], "box.nodes", 0, children="i*", **kinds)
-        if place in seen or any(child <= place for child in node.children):
-            raise Malformed("box.nodes: a node that stands twice, or before what it is part of")
-        seen.add(place)
-        if halves := parts(place, node, own):
-            alike("box.nodes: a node is split in two", node.children, halves)
-            waiting += zip(node.children, halves, strict=True)
-
-
 def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
     """Shrink a part by linear programs; an end without multipliers stays as it is."""
     p = rows.count
@@ -225,7 +136,7 @@ def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
     *place, sign, slope = items(row, "box")
     centre, radius = rows.row(*read(place, "i*", "box"))
     a = read(slope, "e*", "box")
-    if len(a) != len(centre) or whole(sign, "box") not in (1, -1):
+    if len(a) != len(centre) or read(sign, "i", "box") not in (1, -1):
         raise Malformed("box: a row of another length")
     least: Any = a[-1] - radius[-1] + sign * centre[-1]
     for j in range(rows.count):
@@ -256,7 +167,7 @@ def combined(
     total = [ZERO] * len(rows[0])
     for pair in pairs:
         alike("multipliers", items(pair, "multipliers"), "ab")
-        place, value = whole(pair[0], "multipliers"), rational(pair[1], "multipliers")
+        place, value = read(pair[0], "i", "multipliers"), rational(pair[1], "multipliers")
         if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
             raise Malformed("multipliers: of a row that does not exist")
         if value < 0 and place not in (equal or ()):

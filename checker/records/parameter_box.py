@@ -24,25 +24,13 @@ from ..files.reading import (
     below,
     fields,
     item,
-    items,
     kind_of,
     times,
 )
 from ..result import NotProved
+from .box import ZERO, Ends, intervals, met, no_point, nothing, outside, rationals
 from .denominators import by_denominators
-from .linear_rows import (
-    ZERO,
-    Ends,
-    Regression,
-    by_inverse,
-    by_tree,
-    intervals,
-    met,
-    no_point,
-    nothing,
-    outside,
-    rationals,
-)
+from .linear_rows import Regression, by_inverse, by_tree
 from .simulation import by_simulation
 
 Factors = list[list[int]]  # denominators, by the letters of their coefficients from lag 1 on
@@ -65,14 +53,14 @@ def proved_box(about: Any) -> tuple[Ends, list[str]]:
     if about.box is None:
         return [list(side) for side in about.given], []
     stated = stated_ends(about.box, len(about.names))
-    steps, kind = (item(about.box, name, "box") for name in ("steps", "kind"))
+    steps, kind = fields(about.box, "box", 0, steps="l?").steps, item(about.box, "kind", "box")
     if steps is None or about.structure is None:
         if kind not in KINDS:
             raise Malformed(f"box.kind: {kind!r:.40} is not known")
         return stated, [f"the box of the parameters, a {kind} ({KINDS[kind]})"]
     ends = [list(side) for side in about.given]
     rows = Regression(about, [[(v,)] for v in range(1, len(about.names) + 1)])
-    for step in items(steps, "box.steps"):
+    for step in steps:
         ends = kind_of(step, STEPS, "box.steps")(step, rows, ends)
     for v in outside(ends, stated):
         raise NotProved(f"the box of {about.names[v]} does not follow")

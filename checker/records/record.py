@@ -11,24 +11,12 @@ from ..arithmetic.interval import Interval
 from ..arithmetic.polynomial import INF, Terms, add_terms
 from ..certificates.certificate import Certificates
 from ..certificates.point import ProvedPoint, at_point, infeasible
-from ..files.reading import (
-    Constraint,
-    Malformed,
-    alike,
-    fields,
-    item,
-    items,
-    number,
-    problem,
-    read,
-    text,
-    times,
-    whole,
-)
+from ..files.reading import Constraint, Malformed, alike, fields, item, items, problem, read, times
 from ..result import NotProved, shown
+from .box import Ends, move, nothing
 from .driven import bounded_by
 from .fewer_priors import bounded_with_fewer
-from .linear_rows import Ends, bound_rows, combined, move, nothing
+from .linear_rows import bound_rows, combined
 from .parameter_box import proved_box
 from .stability import in_disc
 from .structure import ZERO, Record, Structure
@@ -79,7 +67,7 @@ class Identification:
         self.keys: list[tuple[str, int, int]] = []  # group, channel and sample
         for k, triple in enumerate(self.got.variables):
             group, channel, place = items(triple, "variables")
-            key = text(group, "variables"), whole(channel, "variables"), whole(place, "variables")
+            key = read(group, "t", "variables"), *read([channel, place], "i*", "variables")
             first = k < len(self.names)
             if (group == "theta") != first or (first and place != k) or key in self.record.letters:
                 raise Malformed("variables: parameters come first, and each unknown stands once")
@@ -92,9 +80,9 @@ class Identification:
 
     def _stated(self, stated: Any) -> Structure | None:
         """The structure, if it is one whose rows are built here."""
-        self.told = text(item(stated, "is", "structure"), "structure")
+        self.told = read(item(stated, "is", "structure"), "t", "structure")
         if self.told != "TransferFunction":
-            self.told = text(item(stated, "text", "structure"), "structure")
+            self.told = read(item(stated, "text", "structure"), "t", "structure")
             return None
         found = Structure(stated, len(self.record.u), len(self.record.y))
         if found.parameters != self.names:
@@ -118,9 +106,9 @@ class Identification:
             if origin is None or origin[:1] == [LIFTED]:
                 continue
             name, k = items(origin, "rows")
-            if not 0 <= whole(k, "rows") < self.record.samples:
+            if not 0 <= read(k, "i", "rows") < self.record.samples:
                 raise Malformed(f"rows[{place}]: no such sample")
-            why = self._differs(text(name, "rows"), k, c)
+            why = self._differs(read(name, "t", "rows"), k, c)
             if why:
                 raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
         given = [c for origin, c in pairs if origin is None]
@@ -143,7 +131,7 @@ class Identification:
             if origin is None or items(origin, "rows")[:1] != [LIFTED]:
                 continue
             _, number = items(origin, "rows")
-            letter = self.record.letters.get((LIFTED, 0, whole(number, "rows")), 0)
+            letter = self.record.letters.get((LIFTED, 0, read(number, "i", "rows")), 0)
             stated = self._in_parameters(self.unscaled(c))
             own = stated.pop((letter,), ZERO)
             others = any(v > len(self.names) for word in stated for v in word)
@@ -473,7 +461,7 @@ class Identification:
         name = self.names[v]
         if item(stated, "name", "intervals") != name:
             raise Malformed("intervals: not in the order of the parameters")
-        low, high = (number(x, name) for x in items(item(stated, "outer", "intervals"), name))
+        low, high = read(item(stated, "outer", "intervals"), "F*", name)
         if low > high and not empty:
             raise NotProved("it is not proved that no parameters are consistent")
         if empty:
@@ -487,7 +475,7 @@ class Identification:
             return [line]
         if not all(self._is_stable(point) for point in points):
             return [f"{line}; of what is attained it is not shown that the poles are as given"]
-        a, b = (number(x, name) for x in items(inner, name))
+        a, b = read(inner, "F*", name)
         least = min(p.x[v] + p.radius for p in points) * self.units[v]
         most = max(p.x[v] - p.radius for p in points) * self.units[v]
         if self.problem.lower[v] == self.problem.upper[v]:

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 from ..arithmetic.polynomial import INF
 from ..files.reading import Malformed, alike, below, fields, items, read, text
 from ..result import NotProved
-from .linear_rows import Ends, Regression, dot, hull, walk
+from .box import Ends, dot, hull, walk
+from .linear_rows import Regression
 from .structure import Term
 
 _K = 320

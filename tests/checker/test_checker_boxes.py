@@ -13,7 +13,7 @@ import pytest
 from record_corpus import written
 
 from checker.files import reading
-from checker.records.linear_rows import nothing
+from checker.records.box import nothing
 from checker.records.parameter_box import cube_side, proved_box
 from checker.records.record import Identification
 from checker.result import NotProved
