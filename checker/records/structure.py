@@ -17,7 +17,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic.polynomial import Terms, add_terms
-from ..files.reading import Malformed, fields, finite, item, items, whole
+from ..files.reading import Malformed, fields, item, read
 from ..result import NotProved
 
 ZERO = Fraction(0)
@@ -45,12 +45,11 @@ class Structure:
     """A transfer function between several inputs and outputs."""
 
     def __init__(self, found: Any, inputs: int, outputs: int) -> None:
-        kinds = {"na": "l", "nb": "l", "nk": "l", "initial": "t", "form": "t"}
+        kinds = {"na": "i**", "nb": "i**", "nk": "i**", "initial": "t", "form": "t"}
         flags = {"common_denominator": "b", "offset": "b"}
         got = fields(found, "structure", 0, **kinds, **flags)
         for table in (got.na, got.nb, got.nk):
-            rows = [[whole(v, "structure") for v in items(row, "structure")] for row in table]
-            if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
+            if len(table) != outputs or any(len(r) != inputs or min(r) < 0 for r in table):
                 raise Malformed("structure: orders that do not fit the channels")
         forms = ("auto", "direct", "partial", "driven", *ELIMINATED)
         if got.common_denominator and len({n for row in got.na for n in row}) > 1:
@@ -162,14 +161,13 @@ class Record:
     """Samples, bounds of their noise, and the unknowns that stand for both."""
 
     def __init__(self, found: Any) -> None:
-        got = fields(item(found, "record", "file"), "record", 0, u="l", y="l", starts="l")
-        self.u, self.y = ([_samples(c, True) for c in table] for table in (got.u, got.y))
+        kinds = {"u": "e?**", "y": "e?**", "starts": "i*"}  # a missing sample is null
+        got = fields(item(found, "record", "file"), "record", 0, **kinds)
+        self.u, self.y, self.starts = got.u, got.y, got.starts
         self.samples = len(self.y[0]) if self.y else 0
-        noise = item(found, "noise", "file")
-        self.bounds = {
-            name: [_samples(c, False) for c in items(item(noise, name, "noise"), "noise")]
-            for name in ("output", "input", "equation")
-        }
+        groups = "output", "input", "equation"
+        noise = fields(item(found, "noise", "file"), "noise", 0, **dict.fromkeys(groups, "e**"))
+        self.bounds: dict[str, Any] = {name: getattr(noise, name) for name in groups}
         tables = [self.u, self.y, self.bounds["input"], self.bounds["output"]]
         lengths = {len(c) for table in (*tables, self.bounds["equation"]) for c in table}
         channels = len(tables[0]) == len(tables[2]) and len(tables[1]) == len(tables[3])
@@ -177,9 +175,8 @@ class Record:
             raise Malformed("record: channels of several lengths")
         if len(self.bounds["equation"]) != len(self.y):
             raise Malformed("noise: not one bound of equation errors for each output")
-        if any(v < 0 for table in self.bounds.values() for c in table for v in c if v is not None):
+        if any(v < 0 for table in self.bounds.values() for c in table for v in c):
             raise Malformed("noise: a negative bound")
-        self.starts = [whole(v, "record.starts") for v in got.starts]
         ordered = all(a < b for a, b in zip(self.starts, self.starts[1:], strict=False))
         if self.starts[:1] != [0] or not ordered or self.starts[-1] >= self.samples:
             raise Malformed("record.starts: not 0 and then later samples")
@@ -213,7 +210,7 @@ class Record:
         given = item(self.ranges, signal, "record.ranges")
         if given is None:
             return None
-        low, high = (Fraction(finite(v, "record.ranges")) for v in given[channel])
+        low, high = read(given[channel], "e*", "record.ranges")
         return low, high
 
     def given_ranges(self) -> dict[str, tuple[Fraction, Fraction]]:
@@ -282,10 +279,3 @@ def columns_of(record: Record, path: str, names: list[str], table: list[Any]) ->
             name = repr(names[places[0]]) if names else str(places[0])
             found.append(f"{letter}{number} is column {name} of {path}")
     return found
-
-
-def _samples(column: Any, gaps: bool) -> list[Any]:
-    return [
-        None if value is None and gaps else Fraction(finite(value, "record"))
-        for value in items(column, "record")
-    ]
