@@ -11,6 +11,7 @@ import pytest
 from checker.arithmetic import interval as iv
 from checker.certificates.left_inverse import contracts
 from checker.files import reading
+from checker.records.box import walk
 from checker.records.linear_rows import Regression, combined, given_row
 from checker.records.parameter_box import by_products, settle, settle_denominators, total
 from checker.records.structure import Record, Structure
@@ -237,3 +238,11 @@ def test_products_without_rows_leave_the_box():
 def test_columns_that_make_no_sense_are_refused(columns):
     with pytest.raises(reading.Malformed):
         products(columns, [[Fraction(0)] * 2, [Fraction(1)] * 2])
+
+
+@pytest.mark.parametrize("children", [[1, 4], [3, 4]])
+def test_parts_of_a_tree_come_later_and_once(children):
+    """Node 2 may not be split in 1, which stands before it, nor in 3, which is a part of 0."""
+    nodes = [{"children": c} for c in ([2, 3], [], children, [], [])]
+    with pytest.raises(reading.Malformed, match="stands twice, or before"):
+        walk(nodes, [0], lambda _, node, own: [own] * len(node.children))
