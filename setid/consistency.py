@@ -79,7 +79,7 @@ _MULTIPLIED = (
     "factor may be that of one whose denominators have a common zero"
 )
 _DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
-_SEARCH = 5.0  # seconds for a better estimate
+_SEARCH = 5.0  # seconds for a better estimate, or units of work
 _MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
@@ -354,7 +354,7 @@ def _begun(asked: _Question, before: Consistency | None) -> tuple[Formulation, f
     limit = max(limit, rounding)
     formulation, until = asked.stated(limit), asked.deadline.end
     if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        less = partial(search_factor, formulation, x, min(until, time.monotonic() + _SEARCH))
+        less = partial(search_factor, formulation, x, Deadline.before(until, _SEARCH))
         found = asked.kept(less)
         if found is not None and found.share < 1.0:
             limit, x = max(limit * found.share * _MORE, rounding), found.x

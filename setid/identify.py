@@ -7,7 +7,6 @@ What is not unique is reported or refused before; samples that are held out are 
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Iterable
 from concurrent.futures import Executor
@@ -34,7 +33,7 @@ from setid.models.block import BlockStructured
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.models.general import from_unknown_start
-from setid.options import Options, checked_options, with_executor
+from setid.options import Options, checked_options, limited, with_executor
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.uniqueness.normalisation import unidentifiable
@@ -46,7 +45,7 @@ from setid.result.assembling import (
 from setid.result.holdout import Holdout, priors_with_box
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress
-from sparsepop_py.budget import LimitReached
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.result import INTERRUPTED
 
 __all__ = ["identify"]
@@ -54,8 +53,7 @@ __all__ = ["identify"]
 Reals = NDArray[np.float64]
 
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
-_REST = 10.0  # seconds for that part, where no time is given
-_LEAST = 1e-3  # ... when the time is over
+_REST = 10.0  # units of work for that part, where no time is given
 
 
 @warns_once
@@ -176,10 +174,10 @@ def _held_out(
         return found
     known = found.formulation
     given = priors_with_box(known, found.intervals)
-    left = _REST if until == inf else max(until - time.monotonic(), _LEAST)
     other = other.covering(known.noise.model_error)
     goes_on = from_unknown_start(known.model)  # a part goes on from the one before it
-    level = consistency(rest, goes_on, other, given, replace(settings, time_limit=left))
+    timed = limited(Deadline.before(until, _REST if until == inf else inf), settings)
+    level = consistency(rest, goes_on, other, given, timed)
     return replace(found, holdout=Holdout(level))
 
 

@@ -13,7 +13,7 @@ from setid.data.checks import number, word
 from setid.errors import SetidError
 from sparsepop_py.budget import Deadline
 
-__all__ = ["Options", "check_executor", "checked_options", "with_executor"]
+__all__ = ["Options", "check_executor", "checked_options", "limited", "with_executor"]
 
 _LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
@@ -146,6 +146,23 @@ def checked_options(options: Options | None, usual: Options | None = None) -> Op
     if not isinstance(found, Options):
         raise SetidError(f"options: found {type(found).__name__}, expected setid.Options")
     return found
+
+
+def limited(deadline: Deadline, options: Options | None = None) -> Options:
+    """Give options what a deadline leaves, in time or in work of the engine.
+
+    Parameters
+    ----------
+    deadline : Deadline
+        Without a limit of CPU time.
+    options : Options, optional
+        The usual ones when left out. Their own limit on work stays.
+    """
+    found, left = options or Options(), deadline.limits
+    engine = found.engine or sp.Options(effort="auto")
+    if engine.work_limit is None:
+        engine = replace(engine, work_limit=left.get("work_limit"))
+    return replace(found, engine=engine, time_limit=left.get("time_limit"))
 
 
 def check_executor(executor: Executor | None) -> None:

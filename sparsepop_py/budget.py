@@ -174,6 +174,32 @@ class Deadline:
         self._whole: Deadline | None = None  # of which this is a part
         self.cut = False  # something was not begun since it would have taken too long
 
+    @classmethod
+    def before(cls, moment: float, most: float, share: float = 1.0) -> Deadline:
+        """Return a deadline after some seconds, or units of work where no moment ends it all.
+
+        Every stage that ends after a time of its own is given one of these: where no limit in time
+        was asked for, no clock then changes what it finds.
+
+        Parameters
+        ----------
+        moment : float
+            On the monotonic clock; infinite where nothing ends the work.
+        most : float
+            Seconds, or units of work where the moment is infinite.
+        share : float
+            Of the seconds until the moment, which may be taken at most.
+
+        Examples
+        --------
+        >>> from sparsepop_py.budget import Deadline
+        >>> Deadline.before(float("inf"), 5.0).limits
+        {'work_limit': 5.0}
+        """
+        if moment == np.inf:
+            return cls(None, most)
+        return cls(min(most, share * (moment - time.monotonic())))
+
     def charge(self, seconds: float) -> None:
         """Count CPU seconds that another process spent on this work, for its whole too."""
         self._begin_cpu -= seconds
@@ -250,14 +276,14 @@ class Deadline:
         ----------
         share : float
         otherwise : float, optional
-            Seconds where there is no limit.
+            Units of work where there is no limit, so that runs repeat.
         """
         wall, _ = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         cpu_left = None if self.cpu_left is None else share * self.cpu_left
         work = None if self._last is None else share * max(0.0, self._last - spent())
         unlimited = left is cpu_left is work is None
-        found = Deadline(otherwise if unlimited else left, work, cpu_left)
+        found = Deadline(left, otherwise if unlimited else work, cpu_left)
         found._whole = self
         return found
 
@@ -271,6 +297,16 @@ class Deadline:
         """Seconds of CPU time left, at least a millisecond; None without such a limit."""
         cpu = self._ends(0.0)[1]
         return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """What is left of each limit, at least a thousandth, as options of a solve."""
+        left = {"cpu_limit": self.cpu_left}
+        if self.wall_end < np.inf:
+            left["time_limit"] = max(1e-3, self.wall_end - time.monotonic())
+        if self._last is not None:
+            left["work_limit"] = max(1e-3, self._last - spent())
+        return {name: limit for name, limit in left.items() if limit is not None}
 
     @property
     def unlimited(self) -> bool:

@@ -1,5 +1,6 @@
 """Work limits: runs that no clock can change, and that extend each other."""
 
+import itertools
 import time
 
 import numpy as np
@@ -71,3 +72,55 @@ def test_relaxations_beyond_the_memory_limit_are_replaced_with_a_note() -> None:
     assert max(free.relaxation.block_sizes) > max(tight.relaxation.block_sizes)
     assert any("it would be too large" in note for note in tight.notes)
     assert tight.lower_bound <= tight.upper_bound
+
+
+def leaping_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each reading of a clock be half a minute after the one before."""
+    clock = itertools.count(time.monotonic(), 30.0)
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(time, "process_time", lambda: next(clock))
+
+
+def test_ratios_do_not_depend_on_clocks(monkeypatch) -> None:
+    # x / (1 + x^2 + x y + y^2) is least at y = -x / 2, where it is x / (1 + 3 x^2 / 4): -1 / sqrt 3
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(x / (1 + x**2 + x * y + y**2), lower=-2, upper=2)
+    options = sp.Options(work_limit=3.0)
+    first = sp.solve(problem, options)
+    leaping_clocks(monkeypatch)
+    again = sp.solve(problem, options)
+    assert (first.lower_bound, first.upper_bound) == (again.lower_bound, again.upper_bound)
+    assert again.lower_bound <= -(3**-0.5) <= again.upper_bound + 1e-9
+
+
+def test_a_rational_problem_spends_its_work_limit_once() -> None:
+    # a cubic over a quartic in three variables, whose polynomial problems do not close in this work
+    x = sp.variables(3)
+    ratio = (x[0] * x[1] * x[2] - x[0]) / (1 + sp.total([v**4 for v in x]) + x[0] * x[1])
+    begin = spent()
+    result = sp.solve(
+        sp.RationalProblem(ratio, lower=-2, upper=2),
+        sp.Options(effort="auto", work_limit=0.2, gap=1e-12),
+    )
+    assert np.isfinite(result.lower_bound)
+    assert spent() - begin < 0.6  # 0.2, and the last step
+
+
+def test_a_stage_counts_work_where_no_moment_ends_it(monkeypatch) -> None:
+    whole = Deadline.before(np.inf, 5.0, 0.5)
+    assert whole.counts_work and whole.limits == {"work_limit": pytest.approx(5.0)}
+    part = Deadline(None).part(0.1, 3.0)
+    leaping_clocks(monkeypatch)
+    assert not whole.over and not part.over and whole.end == np.inf
+    spend(3.5)
+    assert part.over and not whole.over
+    spend(2.0)
+    assert whole.over and whole.limits == {"work_limit": 1e-3}
+
+
+def test_a_stage_takes_seconds_where_a_moment_ends_it(monkeypatch) -> None:
+    monkeypatch.setattr(time, "monotonic", lambda: 100.0)
+    assert Deadline.before(160.0, 50.0, 0.5).limits == {"time_limit": 30.0}
+    assert Deadline.before(160.0, 20.0, 0.5).limits == {"time_limit": 20.0}
+    assert Deadline.before(90.0, 20.0).over
+    assert Deadline(None, None, 7.0).limits == {"cpu_limit": pytest.approx(7.0, abs=0.5)}

@@ -32,7 +32,7 @@ from setid.identify import identify
 from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.models.equations import Structure
 from setid.models.registry import family_of
-from setid.options import Options, check_executor, checked_options
+from setid.options import Options, check_executor, checked_options, limited
 from setid.priors.base import Prior, listed
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
-_SECONDS = 30.0  # for a least noise level, where there is no limit
+_WORK = 30.0  # units for a least noise level, where there is no limit
 _NOT_FINITE = "some intervals are not finite"
 _GAIN = 0.7  # of the noise that another structure needs, for it to be worth while
 
@@ -387,10 +387,11 @@ def _width(
         return f"{shown}; no other structure was found to compare the noise with that it needs"
     data, noise, priors, options = given
     (order, degree), following = found
-    limits = Deadline(2 * _SECONDS) if deadline.unlimited else deadline
-    known, half = step.result.formulation, options.within(limits, 0.5)
+    if deadline.unlimited:
+        options = limited(Deadline.before(inf, _WORK), options)
+    known, half = step.result.formulation, options.within(deadline, 0.5)
     own = consistency(data, known.model, noise, known.priors, half).scale  # terms left out stay out
-    other = consistency(data, following, noise, priors, options.within(limits)).scale
+    other = consistency(data, following, noise, priors, options.within(deadline)).scale
     return (
         f"{shown}; this structure needs {_times(own)} the noise bounds, order {order}, "
         f"degree {degree} needs {_times(other)}: {_what_pays(own, other)}"

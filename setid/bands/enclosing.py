@@ -41,6 +41,7 @@ Reals = NDArray[np.float64]
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
 _DRAWING = 0.2  # of the time, for members that are simulated
 _BRIEF = 0.1  # of the time, for a band from which the next question follows
+_BRIEF_CELLS = 500  # the same where no time is given
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,18 +233,20 @@ def _narrowed(
 ) -> Band:
     """The band of one record, on a cover that is narrowed where the band is widest."""
 
-    def band_until(until: float) -> Band:
+    def band_until(until: float, cells: int = effort.cells) -> Band:
         known = asked.coordinates.values(np.concatenate([drawn, asked.points]))
-        return _one(task, asked.cover, known, replace(effort, until=until), settle)
+        return _one(task, asked.cover, known, replace(effort, until=until, cells=cells), settle)
 
     begin = time.monotonic()
-    limit = effort.until - begin
-    brief = _BRIEF * limit if limit < inf else FIRST_SECONDS  # the cover has to be narrowed too
-    band = band_until(begin + brief)
+    timed, brief, cells = effort.until < inf, inf, min(effort.cells, _BRIEF_CELLS)
+    if timed:
+        brief, cells = _BRIEF * (effort.until - begin), effort.cells
+    until = effort.until - brief if timed else inf  # the cover has to be narrowed too
+    band = band_until(begin + brief, cells)
     if task.samples > 0 and len(drawn):
         slopes = slopes_of(task, asked.cover, asked.coordinates.values(drawn.mean(axis=0)))
-        while asked.narrow(slopes, band.excess(effort.tolerance), effort.until - brief):
-            band = band.narrowed(band_until(time.monotonic() + brief))
+        while asked.narrow(slopes, band.excess(effort.tolerance), until):
+            band = band.narrowed(band_until(time.monotonic() + brief, cells))
     if band.report.verdict != "tight":
         band = band.narrowed(band_until(effort.until))
     report = replace(band.report, seconds=time.monotonic() - begin)

@@ -39,11 +39,11 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 from setid.result.progress import Progress
-from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.budget import EARLY, Deadline, spent
 
 __all__ = ["by_engine", "points_at_ends", "recheck_results"]
 
-_SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_SEARCH = 10.0  # units of work, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
@@ -71,7 +71,7 @@ def by_engine(
     at_ends : bool
         Whether these are near all ends: the engine searches for none then.
     """
-    scaled = in_units(stated_problem(outcome), formulation)
+    scaled, begin = in_units(stated_problem(outcome), formulation), spent()
     free, alone = free_parameters(formulation) if loose else ((), None)
     results = context.timed(
         "engine",
@@ -86,11 +86,13 @@ def by_engine(
             context.timings[key] = context.timings.get(key, 0.0) + seconds
     outcome = replace(outcome, results=results, notes=tuple(notes))
     if any(r.status is sp.Status.INFEASIBLE for r in results):
-        spent = sum(context.timings.get(stage, 0.0) for stage in ("box", "engine"))
-        left = _SEARCH + spent if context.until == inf else context.left
-        options = context.settings.for_engine("absolute")
+        most = _SEARCH + spent() - begin if context.until == inf else inf
+        deadline, options = (
+            Deadline.before(context.until, most),
+            context.settings.for_engine("absolute"),
+        )
         keys = context.timed(
-            "conflicting samples", lambda: conflicting_samples(formulation, options, left)
+            "conflicting samples", lambda: conflicting_samples(formulation, options, deadline)
         )
         return context.empty(formulation, replace(outcome, samples=keys))
     items = intervals_of(formulation, scaled, results, context.settings.tol)

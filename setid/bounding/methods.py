@@ -43,6 +43,7 @@ from setid.proofs.parameter_box import ProvedBox, problem_on_box
 from setid.result.assembling import Outcome, stated_problem
 from setid.result.identification import Identification
 from setid.result.reports import NOT_CLAIMED
+from sparsepop_py.budget import Deadline
 
 __all__ = ["bound_parameters"]
 
@@ -55,7 +56,7 @@ _NOT_AT_REST = (
     f"denominators: {NOT_CLAIMED}"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_SEARCH = 10.0  # seconds at most, to find samples that contradict each other
+_SEARCH = 10.0  # seconds, or units of work, to find samples that contradict each other
 
 
 def bound_parameters(formulation: Formulation, context: BoundingContext) -> Identification:
@@ -166,8 +167,9 @@ def _on_box(
     if box is late:
         box, notes = None, (*notes, STOPPED if context.deadline.stopped else NO_BOX)
     if box is not None and box.empty:
-        left = min(_SEARCH, context.left)
-        keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
+        found = conflicting_rows(formulation, box)
+        within = Deadline.before(until, _SEARCH)
+        keys = found or conflicting_samples(formulation, None, within)
         return context.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and (box.cut_short or (over and _is_loose(box))):
         notes = (*notes, STOPPED if context.deadline.stopped else NO_BOX)

@@ -5,7 +5,6 @@ The arguments, and how they are checked, are in :mod:`setid.proofs.uniqueness.un
 
 from __future__ import annotations
 
-import time
 from math import inf
 
 import numpy as np
@@ -21,10 +20,11 @@ from setid.minimum_noise.factor import search_factor
 from setid.models.lti import TransferFunction
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.uniqueness.unbounded import Unbounded, moved_parameters, simpler_structures
+from sparsepop_py.budget import Deadline
 
 __all__ = ["find_unbounded"]
 
-_SECONDS = 5.0  # for the engine to find a consistent vector of each simpler structure
+_MOST = 5.0  # seconds, or units of work, to find a consistent vector of each simpler structure
 _WIDE = 2.0  # times the noise bounds: where the engine begins
 
 
@@ -36,7 +36,7 @@ def find_unbounded(formulation: Formulation, until: float = inf) -> Unbounded | 
     formulation : Formulation
     until : float
         Reading of ``time.monotonic`` at which the search ends; it takes no longer than five
-        seconds for each simpler structure.
+        seconds for each simpler structure, or units of work where no moment ends it.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def find_unbounded(formulation: Formulation, until: float = inf) -> Unbounded | 
     ('a1', 'b1')
     """
     for lower in simpler_structures(formulation):
-        witness = _member(lower, min(until, time.monotonic() + _SECONDS))
+        witness = _member(lower, Deadline.before(until, _MOST))
         if witness is not None:
             assert isinstance(lower.model, TransferFunction)
             theta = np.array(witness[: len(lower.parameters)])
@@ -63,7 +63,7 @@ def find_unbounded(formulation: Formulation, until: float = inf) -> Unbounded | 
     return None
 
 
-def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | None:
+def _member(formulation: Formulation, deadline: Deadline) -> NDArray[np.float64] | None:
     """Find unknowns (n,) that are proved consistent, from an estimate or by the engine."""
     p = len(formulation.parameters)
     for estimate in (linf, least_squares):
@@ -76,5 +76,5 @@ def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | Non
             return witness
     noise = scaled_noise(formulation.noise.bounds(formulation.data), _WIDE)
     wide = formulate(formulation.data, formulation.model, noise)
-    found = search_factor(wide, first_point(wide, wide.problem), until)
+    found = search_factor(wide, first_point(wide, wide.problem), deadline)
     return None if found is None else consistent(formulation, found.x[:p])

@@ -7,7 +7,6 @@ left is proved. Where the box alone is empty, those that its last programs used 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from math import inf
@@ -24,6 +23,7 @@ from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.denominators.denominator_box import DenominatorBox
 from setid.proofs.parameter_box import ProvedBox, problem_on_box, product_rows, start_of
 from setid.proofs.simulated.tree import SimulatedBox
+from sparsepop_py.budget import Deadline
 from sparsepop_py.uncertain_rows.lifted_products import lifted_box
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
@@ -96,7 +96,7 @@ def _keys(box: ProvedBox, rows: Known) -> list[tuple[int, int]]:
 
 
 def conflicting_samples(
-    formulation: Formulation, options: sp.Options | None, seconds: float
+    formulation: Formulation, options: sp.Options | None, deadline: Deadline
 ) -> Keys:
     """Find samples whose rows alone are proved to contradict each other.
 
@@ -106,15 +106,13 @@ def conflicting_samples(
         Whose feasible set is proved empty.
     options : sparsepop_py.Options or None
         Of the engine; None: the box from the data alone is to be empty.
-    seconds : float
-        Of wall time.
+    deadline : Deadline
 
     Returns
     -------
     tuple of (record, sample)
         From 1; all samples with a row where no part of them could be left out.
     """
-    end = time.monotonic() + seconds
     keys = tuple(sorted(formulation.rows.samples))
     known = _known(formulation)
     if formulation.products is not None and options is not None:
@@ -123,11 +121,12 @@ def conflicting_samples(
         return keys
     size = len(keys) // 2
     try:
-        while size and time.monotonic() < end:
+        while size and not deadline.over:
             for part in _parts(keys, size):
                 rest = tuple(key for key in keys if key not in part)
-                late = time.monotonic() >= end
-                if not late and rest and _proved_empty(formulation, known, rest, options, end):
+                if deadline.over or not rest:
+                    continue
+                if _proved_empty(formulation, known, rest, options, deadline):
                     keys = rest
             size //= 2
     except KeyboardInterrupt:
@@ -147,10 +146,14 @@ def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
 
 
 def _proved_empty(
-    formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, until: float
+    formulation: Formulation,
+    known: Known,
+    kept: Keys,
+    options: sp.Options | None,
+    deadline: Deadline,
 ) -> bool:
     """Prove that the rows of some samples have no common point."""
-    problem, box = formulation.problem, _box(known, set(kept), start_of(formulation), until)
+    problem, box = formulation.problem, _box(known, set(kept), start_of(formulation), deadline.end)
     if box.empty or options is None:
         return box.empty
     if not np.all(np.isfinite(box.lower) & np.isfinite(box.upper)):
@@ -160,8 +163,7 @@ def _proved_empty(
     rows = [row for row, key in zip(problem.constraints, keys, strict=True) if key in stays]
     part = sp.Problem(0.0 * problem.objective, rows, problem.lower, problem.upper, problem.names)
     about = in_units(problem_on_box(replace(formulation, problem=part), box), formulation).problem
-    left = max(until - time.monotonic(), 1e-3)
-    return sp.solve(about, replace(options, time_limit=left)).status is sp.Status.INFEASIBLE
+    return sp.solve(about, replace(options, **deadline.limits)).status is sp.Status.INFEASIBLE
 
 
 def _box(

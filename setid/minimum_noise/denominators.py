@@ -27,7 +27,7 @@ from setid.minimum_noise.programs import Programs, programs_of, shifted
 from setid.proofs.denominators.cones import Cone, split_cone
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf, dual_norm
 from setid.proofs.denominators.output_rows import OutputRows
-from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.budget import EARLY, Deadline, spend
 
 __all__ = ["least_output_noise"]
 
@@ -35,7 +35,8 @@ Reals = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _FIRST = 0.03  # of the time: for multipliers that do not vary
 _LEAST, _MOST = 2.0, 0.25  # CPU seconds that they have at least, of at most a share of the time
-_ALONE = 120.0  # seconds, where no time is given
+_ALONE = 120.0  # units of work, where no time is given
+_PROGRAM_WORK, _SAMPLE_WORK = 1e-3, 1e-6  # of the program of one denominator
 _ENOUGH = 2e-3  # of a factor
 _PROGRAMS = 2  # a cone before it is split
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
@@ -170,6 +171,7 @@ class _Search(BestFirst[_OpenCone]):
         programs = self._programs_for(a)
         own = programs is self._programs
         solved = programs.solve(a, node.reference if own else None)
+        spend(_PROGRAM_WORK + _SAMPLE_WORK * programs.y.size)
         if solved is None:
             return None
         level, multiplier, reference = solved

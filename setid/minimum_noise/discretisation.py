@@ -29,18 +29,19 @@ from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
 from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
-from setid.options import Options, checked_options
+from setid.options import Options, checked_options, limited
 from setid.priors.base import Prior, listed
 from setid.proofs.least_noise.noise_scale import admitted_point, problem_with_factor
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
+from sparsepop_py.budget import Deadline
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 
 _STEPS = 30  # halvings of the bound that an estimate needs
-_SECONDS = 30.0  # for an estimate
+_MOST = 30.0  # seconds for an estimate, or units of work
 
 
 def discretisation_error(
@@ -126,14 +127,13 @@ def with_estimate(
 ) -> tuple[Structure, Noise, list[Prior | sp.Constraint]]:
     """Settle ``delta="estimate"``; return structure, noise, and the priors as a list.
 
-    Half of the time until ``until``, a reading of ``time.monotonic``, is for this at most.
+    Half of the time until ``until``, a reading of ``time.monotonic``, is for this at most. Where
+    that is infinite work is counted.
     """
     given = listed(priors)
     if not isinstance(model, ContinuousTransferFunction) or model.delta != "estimate":
         return model, noise, given
-    left = max(0.5 * (until - time.monotonic()), 1e-3)
-    options = Options(time_limit=min(_SECONDS, left))
-    found = estimate_delta(data, model, noise, given, options)
+    found = estimate_delta(data, model, noise, given, limited(Deadline.before(until, _MOST, 0.5)))
     return without_delta(model), noise.covering(found), given
 
 
@@ -198,7 +198,7 @@ def estimate_delta(
     def stated(delta: float) -> Formulation:
         return formulate(data, exact, noise.covering(delta), given)
 
-    settings = checked_options(options, Options(time_limit=_SECONDS))
+    settings = checked_options(options, Options(time_limit=_MOST))
     until = settings.deadline()
     limit, x = _explaining(data, stated, until)
     low, value = 0.0, limit

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from setid.formulation.units import in_units
 from setid.options import Options
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
+from sparsepop_py.budget import Deadline
 from sparsepop_py.uncertain_rows.directions import units_of_rows
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
@@ -100,7 +102,7 @@ class FoundFactor(NamedTuple):
 
 
 def search_factor(
-    formulation: Formulation, x: NDArray[np.float64] | None, until: float
+    formulation: Formulation, x: NDArray[np.float64] | None, deadline: Deadline
 ) -> FoundFactor | None:
     """Search the least factor where parameters are not huge, without a box.
 
@@ -110,11 +112,11 @@ def search_factor(
         With rows that are linear in the parameters.
     x : (n,) float or None
         Unknowns to begin from.
-    until : float
-        Reading of ``time.monotonic`` at which it ends.
+    deadline : Deadline
+        At which it ends.
     """
-    p, left = len(formulation.parameters), until - time.monotonic()
-    if formulation.smoothed is None or left <= 0:
+    p = len(formulation.parameters)
+    if formulation.smoothed is None or deadline.over:
         return None
     problem = problem_with_factor(formulation, None)
     reach = _REACH * units_of_rows(formulation.smoothed)
@@ -124,8 +126,9 @@ def search_factor(
         return None
     scaled = in_units(sp.Problem(problem.objective, problem.constraints, lower, upper), formulation)
     start = None if x is None else np.append(x, 1.0) / scaled.units
-    options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute", time_limit=left)
-    found = sp.solve(scaled.problem, options, start=start).attained
+    options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute")
+    timed = replace(options, **deadline.limits)
+    found = sp.solve(scaled.problem, timed, start=start).attained
     return None if found is None else FoundFactor(found.value, (found.x * scaled.units)[:-1])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +24,10 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 __all__ = ["prove_ranges", "sharpened"]
 
 Solve = Callable[[Problem, Options], Result]
-_SECONDS = 20.0  # for one denominator, where no limit is given
-_QUICK, _FAR, _DIRECTIONS = 1.0, 1e4, 64  # seconds; where polynomials with a minimum are positive
-_SHARP, _SHARE = 2.0, 0.2  # seconds to sharpen one range; of the time limit, for all of them
+_MOST = 20.0  # seconds or units of work for one denominator, where no limit is given
+_QUICK = 1.0  # seconds, or work, for a proof over all of space
+_FAR, _DIRECTIONS = 1e4, 64  # where polynomials with a minimum are positive
+_SHARP, _SHARE = 2.0, 0.2  # seconds, or work, to sharpen a range; of the limit, for all
 
 
 def prove_ranges(
@@ -90,10 +92,8 @@ def sharpened(
     """
     if not places or options.effort == "plain":
         return proofs
-    limit = np.inf if options.time_limit is None else _SHARE * options.time_limit / len(places)
-    attempt = replace(
-        _for_denominators(options), effort="auto", gap=1e-7, time_limit=min(_SHARP, limit)
-    )
+    share = _SHARE / len(places)
+    attempt = replace(_for_denominators(options, _SHARP, share), effort="auto", gap=1e-7)
     found = list(proofs)
     for place in places:
         proof, q = proofs[place], problem.denominators[place]
@@ -122,7 +122,7 @@ def _everywhere(
     far = _FAR * generator.standard_normal((_DIRECTIONS, objective.dimension))
     if objective.degree % 2 or not np.all(objective(far) > 0):
         return None
-    quick = replace(attempt, effort="presolve", time_limit=_QUICK)
+    quick = replace(attempt, effort="presolve", **_brief(attempt, _QUICK))
     result = solve(Problem(objective), quick)
     if result.status is not Status.OPTIMAL or result.certificate is None:
         return None
@@ -130,7 +130,15 @@ def _everywhere(
     return moved if moved.verify(base.with_objective(objective)).ok else None
 
 
-def _for_denominators(options: Options) -> Options:
+def _brief(options: Options, most: float, share: float = 1.0) -> dict[str, Any]:
+    """Limit seconds, or work where no limit in time is given: such runs repeat."""
+    timed = options.time_limit is not None or options.cpu_limit is not None
+    name = "time_limit" if timed else "work_limit"
+    given = getattr(options, name)
+    return {name: most if given is None else min(most, share * given)}
+
+
+def _for_denominators(options: Options, most: float, share: float) -> Options:
     """Derive the options for bounds of denominators from those of the whole problem."""
     return replace(
         options,
@@ -140,6 +148,7 @@ def _for_denominators(options: Options) -> Options:
         order=None,
         effort="presolve",
         switches=None,
+        **_brief(options, most, share),
     )
 
 
@@ -155,8 +164,7 @@ def _by_relaxations(
     base: Problem, q: Polynomial, options: Options, solve: Solve
 ) -> tuple[int, Certificate]:
     """Bound q from below, or -q where q is attained below zero."""
-    limit = _SECONDS if options.time_limit is None else min(_SECONDS, options.time_limit / 2)
-    first = replace(_for_denominators(options), time_limit=limit)
+    first = _for_denominators(options, _MOST, 0.5)
     efforts = [first, replace(first, effort="auto")]
     for sign in (1, -1):
         proof = _everywhere(base, q * float(sign), first, solve)

@@ -6,14 +6,13 @@ Nothing here is proved.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.algebra.rational import Rational
+from sparsepop_py.budget import Deadline, spend
 from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["descended", "sampled"]
@@ -48,15 +47,17 @@ def sampled(problem: RationalProblem, seed: int) -> NDArray[np.float64] | None:
     return None
 
 
-def descended(problem: RationalProblem, x: NDArray[np.float64], end: float) -> NDArray[np.float64]:
+def descended(
+    problem: RationalProblem, x: NDArray[np.float64], deadline: Deadline
+) -> NDArray[np.float64]:
     """Descend from a point by L-BFGS-B; the point itself where there are constraints.
 
     Parameters
     ----------
     problem : RationalProblem
     x : (n,) float
-    end : float
-        Reading of ``time.monotonic`` at which the work ends.
+    deadline : Deadline
+        Of this descent.
 
     Returns
     -------
@@ -64,7 +65,7 @@ def descended(problem: RationalProblem, x: NDArray[np.float64], end: float) -> N
     """
     if problem.constraints:
         return x
-    objective = _Gradient(problem.objective, end)
+    objective = _Gradient(problem.objective, deadline)
     bounds = list(zip(problem.lower, problem.upper, strict=True))
     try:
         found = minimize(
@@ -80,13 +81,15 @@ def descended(problem: RationalProblem, x: NDArray[np.float64], end: float) -> N
 class _Gradient:
     """Value and gradient of a sum of ratios; raises ``StopIteration`` when time is over."""
 
-    def __init__(self, f: Rational, end: float) -> None:
+    def __init__(self, f: Rational, deadline: Deadline) -> None:
         self.system = PolynomialSystem.stack(list(f.parts), f.dimension)
-        self.end, self.best, self.least = end, np.zeros(f.dimension), np.inf
+        self.deadline, self.best, self.least = deadline, np.zeros(f.dimension), np.inf
+        self.work = 1e-5 + 1e-7 * sum(len(part.coefficients) for part in f.parts)
 
     def __call__(self, x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        if time.monotonic() >= self.end:
+        if self.deadline.over:
             raise StopIteration
+        spend(self.work)
         values, slopes = self.system.values(x), self.system.jacobian(x)
         p, q = values[1::2], values[2::2]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import cpu_seconds
+from sparsepop_py.budget import Deadline, cpu_seconds, spent
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -32,7 +32,7 @@ __all__ = ["solve_rational"]
 Solve = Callable[..., Result]
 _LEVELS = 8  # Newton's method doubles the digits with each
 _STILL = 1e-9  # relative change of the level that ends it
-_DESCENT, _SECONDS = 0.1, 50.0  # share of the time left for a first descent; without a limit
+_DESCENT, _DESCENT_WORK = 0.1, 5.0  # of what is left for a first descent; without a limit
 
 
 def solve_rational(
@@ -44,7 +44,7 @@ def solve_rational(
     ----------
     problem : RationalProblem
     options : Options
-        ``time_limit`` and ``cpu_limit`` hold for all polynomial problems together.
+        Limits hold for all polynomial problems together.
     start : (n,) array_like or None
     solve : callable
         Solves a polynomial problem: problem, options, and start by name.
@@ -86,6 +86,7 @@ class _RationalSearch:
             for name, clock, given in (
                 ("time_limit", time.monotonic, options.time_limit),
                 ("cpu_limit", cpu_seconds, options.cpu_limit),
+                ("work_limit", spent, options.work_limit),
             )
         ]
         self.interrupted = False
@@ -93,7 +94,7 @@ class _RationalSearch:
         self.ranges: list[Range] = []
 
     def limited(self, options: Options) -> Options:
-        """Reduce the limits of time to what is left."""
+        """Reduce the limits to what is left."""
         changed: dict[str, Any] = {}
         for name, clock, end in self.clocks:
             given = getattr(options, name)
@@ -176,12 +177,9 @@ class _RationalSearch:
         found = sampled(self.problem, self.options.seed) if start is None else start
         if found is None:
             return None
-        return descended(self.problem, found, time.monotonic() + _DESCENT * self.left)
-
-    @property
-    def left(self) -> float:
-        """Seconds that are left, at most some."""
-        return min(_SECONDS, *(end - clock() for _, clock, end in self.clocks))
+        left = self.limited(self.options)
+        deadline = Deadline(left.time_limit, left.work_limit, left.cpu_limit)
+        return descended(self.problem, found, deadline.part(_DESCENT, _DESCENT_WORK))
 
     def by_levels(self, start: NDArray[np.float64]) -> RationalResult:
         """Find the level of an objective of one ratio; the best of all results."""

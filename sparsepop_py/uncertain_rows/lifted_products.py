@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_linear import linear_bounds
+from sparsepop_py.budget import Deadline
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve_each
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
@@ -38,7 +39,7 @@ __all__ = ["complete_box", "lifted_box"]
 Reals = NDArray[np.float64]
 _ROUNDS = 3
 _ROUGH = 0.02  # of the width of a sum: a box needs no more
-_SECONDS = 60.0  # of wall time for all sums
+_MOST = 60.0  # seconds for all sums, or units of work
 
 
 def _sum_bounds(rows: ProductRows, found: ParameterBox) -> tuple[LinearBound, ...]:
@@ -76,13 +77,13 @@ def complete_box(
 
 def _sharpened(box: LiftedBox, coupled: CoupledRows, rows: ProductRows, until: float) -> LiftedBox:
     """Add bounds of sums of monomials over all rows at once."""
-    left = min(_SECONDS, 0.5 * (until - time.monotonic()))
-    if not rows.gains or not rows.sums or left <= 0:
+    deadline = Deadline.before(until, _MOST, 0.5)
+    if not rows.gains or not rows.sums or deadline.over:
         return box
     joined = joined_equations(coupled, rows, box.rounds[-1])
     if joined is None:
         return box
-    options = Options(effort="auto", gap_kind="width", gap=_ROUGH, time_limit=left)
+    options = replace(Options(effort="auto", gap_kind="width", gap=_ROUGH), **deadline.limits)
     found = solve_each(joined, sum_objectives(joined, rows), options)
     given = (result.certificate for result in found)  # emptiness is for the engine to report
     proofs = tuple(c if c is not None and np.isfinite(c.bound) else None for c in given)

@@ -7,11 +7,12 @@ that is cheap.
 
 from __future__ import annotations
 
-import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import Deadline
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.verified.certificate.certificate import Certificate
@@ -23,7 +24,7 @@ __all__ = ["limit_coefficients"]
 
 Reals = NDArray[np.float64]
 _REACHES = (2.0**10, 2.0**7, 2.0**4)  # one after the other, in units
-_SECONDS = 20.0  # of wall time for all faces of one reach
+_MOST = 20.0  # seconds for all faces of one reach, or units of work
 
 
 def limit_coefficients(
@@ -51,11 +52,11 @@ def limit_coefficients(
     faces, found = Faces.of(coupled, rows, ends, box), None
     if faces is None:
         return None
-    begun = time.monotonic()
+    whole = Deadline.before(until, np.inf, 0.5)
     try:
         for size in _REACHES:
-            end = min(time.monotonic() + _SECONDS, begun + 0.5 * (until - begun))
-            proofs = _prove_faces(faces, size * faces.unit, end)
+            deadline = Deadline.before(whole.end, _MOST)
+            proofs = _prove_faces(faces, size * faces.unit, deadline)
             if proofs is None:
                 return found
             found = CoefficientLimit(faces.far, size * faces.unit, proofs)
@@ -64,17 +65,19 @@ def limit_coefficients(
     return found
 
 
-def _prove_faces(faces: Faces, reach: float, end: float) -> tuple[Certificate | None, ...] | None:
+def _prove_faces(
+    faces: Faces, reach: float, deadline: Deadline
+) -> tuple[Certificate | None, ...] | None:
     """Prove that no face holds a consistent point; None if not proved."""
     found = list[Certificate | None]()
     for face in faces.far:
-        box, left = faces.unknowns(face, reach), end - time.monotonic()
+        box = faces.unknowns(face, reach)
         if np.any(box[0] > box[1]):
             found.append(None)
             continue
-        if left <= 0 or not np.all(np.isfinite(box)):
+        if deadline.over or not np.all(np.isfinite(box)):
             return None
-        options = Options(effort="auto", time_limit=left)
+        options = replace(Options(effort="auto"), **deadline.limits)
         proof = solve(faces.problem(face, box), options).certificate
         if proof is None or proof.bound != np.inf:
             return None

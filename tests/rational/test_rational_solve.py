@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.budget import charge
+from sparsepop_py.budget import Deadline, charge
 from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.solve import solve_rational
 
@@ -158,9 +158,9 @@ def test_descent_ends_at_a_minimum_of_the_ratios():
     # 1 - 1 / (1 + (x - 3)^2 + (y + 1)^2) has its only minimum, 0, at (3, -1)
     x, y = sp.variables(2)
     problem = sp.RationalProblem(1 - 1 / (1 + (x - 3) ** 2 + (y + 1) ** 2), lower=-5, upper=5)
-    found = descended(problem, np.array([1.0, 1.0]), math.inf)
+    found = descended(problem, np.array([1.0, 1.0]), Deadline(None))
     np.testing.assert_allclose(found, [3, -1], atol=1e-4)
-    np.testing.assert_array_equal(descended(problem, found, -math.inf), found)  # no time
+    np.testing.assert_array_equal(descended(problem, found, Deadline(0.0)), found)
 
 
 def test_samples_are_feasible():

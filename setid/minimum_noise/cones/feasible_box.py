@@ -39,7 +39,7 @@ from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.denominators.varying_multipliers import VaryingCells, family_refutes
 from setid.proofs.parameter_box import start_of
 from setid.proofs.row_boxes import RowBox
-from sparsepop_py.budget import EARLY, Deadline
+from sparsepop_py.budget import EARLY, Deadline, spend
 
 __all__ = ["denominator_box", "settles"]
 
@@ -54,7 +54,7 @@ _THIN = 0.01  # of what ends may reach beyond: a smaller cone is left, as it is 
 _ROUNDING_LOSS = 1e-6  # of a width: what rounding may take of the end of a gain
 _VECTOR_BITS = 34  # binary digits of multipliers of vectors, from the largest one on
 _LIMIT_BITS = 44  # binary digits of multipliers that bound a gain
-_DEFAULT_SECONDS = 120.0  # seconds, where no time is given
+_DEFAULT_WORK = 120.0  # units, where no limit is given
 _TINY = 1e-300  # in place of zero in quotients and logarithms
 
 
@@ -104,7 +104,7 @@ def denominator_box(
         if rows is None or programs is None or programs.free is None:
             continue
         parts = 1.0 / (outputs - output)
-        until = deadline.part(parts, otherwise=parts * _DEFAULT_SECONDS)
+        until = deadline.part(parts, otherwise=parts * _DEFAULT_WORK)
         search = _Search(formulation, rows, programs, inside, attained, until, executor)
         complete &= search.run(tol, tol if _is_fast(rows) else max(tol, _DENOMINATOR_TARGET))
         tree, own = search.proved(output)
@@ -239,6 +239,7 @@ class _Search:
             batch.append(heapq.heappop(self._waiting)[2])
         new = [open_cone for open_cone in batch if not open_cone.examined]
         tasks = [(self._cones, open_cone.node, _REFUTED_FACTOR) for open_cone in new]
+        spend(self._cones.work * len(tasks))
         refuted = set[int]()
         for open_cone, found in zip(new, self._crew.map(examined, tasks), strict=True):
             if self._refuted(open_cone, found):
@@ -317,6 +318,7 @@ class _Search:
                         solver = self._solvers[column]
                         tasks.append(LimitTask(solver, node, sign, aim, _REFUTED_FACTOR))
         found = self._crew.map(limited, tasks)
+        spend(sum(task.solver.work for task in tasks))
         for (open_cone, column, place, sign), one in zip(asked, found, strict=True):
             self._keep_limit(open_cone, (column, place, sign), one)
 

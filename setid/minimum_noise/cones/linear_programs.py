@@ -43,6 +43,7 @@ _INSIDE = 0.98  # of a step to the boundary
 _LOOK = 3  # steps whose rate counts
 _OVER = 1.0 + 1e-8  # of a target: what is lost to rounding
 _COMPILATION = 40.0  # seconds of a time limit in which compilation (ten) is worth its time
+_CONE_WORK, _ENTRY_WORK = 5e-3, 1e-7  # of a cone, and of an entry of its Newton matrices
 _OFTEN = 30  # programs of a process: then compiled substitution is worth its loading
 _counter = count()
 _TINY = 1e-300
@@ -125,6 +126,11 @@ class ConePrograms:
     effort : Effort
     gain : int, optional
         Number of a known column to which multipliers need not be orthogonal.
+
+    Attributes
+    ----------
+    work : float
+        Of one cone, by a fixed model.
     """
 
     def __init__(
@@ -143,6 +149,7 @@ class ConePrograms:
         self._minors = stable and n > 2
         known, first = self.basis.shape[1], len(pairs(n + 1)) + 1
         self._used = first + (n + 1) * known
+        self.work = _CONE_WORK + _ENTRY_WORK * self._rows * self._used**2
         columns = np.zeros((self._rows, n + 1, -(-self._used // _FILL) * _FILL))
         for k in range(n + 1):
             columns[:, k, first + k * known : first + (k + 1) * known] = self.basis

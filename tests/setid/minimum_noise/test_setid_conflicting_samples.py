@@ -12,6 +12,7 @@ from slow_values import slow_after
 import setid
 from setid.minimum_noise.conflicting_samples import conflicting_samples, samples_listed
 from setid.result.reports import conflict
+from sparsepop_py.budget import Deadline
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -86,11 +87,13 @@ def test_the_whole_record_where_there_is_no_time() -> None:
     truth = setid.simulate_record(ONE, [-0.6, 1.0], u, noise, 3)
     formulation = setid.formulate(truth.data, ONE, noise)
     everything = tuple((1, k) for k in range(2, 13))
-    assert conflicting_samples(formulation, QUICK.for_engine("absolute"), 0.0) == everything
+    assert (
+        conflicting_samples(formulation, QUICK.for_engine("absolute"), Deadline(0.0)) == everything
+    )
     two = setid.TransferFunction(1, 1, 1, inputs=2)  # separate denominators: no rows in theta
     data = setid.IOData(np.c_[u, u[::-1]], truth.data.y)
     other = replace(setid.formulate(data, two, noise), regression=None)
-    assert (1, 12) in conflicting_samples(other, QUICK.for_engine("absolute"), 5.0)
+    assert (1, 12) in conflicting_samples(other, QUICK.for_engine("absolute"), Deadline(5.0))
 
 
 def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
