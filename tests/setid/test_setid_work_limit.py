@@ -8,13 +8,12 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.minimum_noise.conflicting_samples import conflicting_samples
 from setid.minimum_noise.factor import search_factor
 from sparsepop_py.budget import Deadline, spend
 
-OPTIONS = setid.Options(
-    tol=0.05, progress=False, engine=sp.Options(effort="auto", work_limit=0.05)
-)
-GAIN = setid.TransferFunction(1, 1)
+OPTIONS = setid.Options(tol=0.5, progress=False, engine=sp.Options(effort="auto", work_limit=0.02))
+FIRST_ORDER = setid.TransferFunction(1, 1)
 
 
 def record(samples: int = 8, error: float = 0.05) -> setid.IOData:
@@ -22,7 +21,7 @@ def record(samples: int = 8, error: float = 0.05) -> setid.IOData:
     random, y = np.random.default_rng(3), np.zeros(samples)
     u = random.uniform(-1, 1, samples)
     for k in range(1, samples):
-        y[k] = 0.5 * y[k - 1] + u[k - 1]
+        y[k] = 0.5 * y[k - 1] + u[k]
     return setid.IOData(u, y + random.uniform(-error, error, samples))
 
 
@@ -39,33 +38,29 @@ def leaping(monkeypatch: pytest.MonkeyPatch):
     return leap
 
 
-def test_the_part_held_out_is_judged_alike(leaping) -> None:
-    def judged() -> tuple[float, float]:
-        return setid.identify(
-            record(10), GAIN, setid.Noise(output=0.05), options=OPTIONS, holdout=0.5
-        ).holdout.level.scale
-
-    first = judged()
+def test_the_part_held_out_is_judged_whatever_clocks_say(leaping) -> None:
+    # errors were drawn within 0.05: the true parameters need no more than the noise bounds
     leaping()
-    assert judged() == first and np.isfinite(first[1])
+    found = setid.identify(
+        record(), FIRST_ORDER, setid.Noise(output=0.05), options=OPTIONS, holdout=0.5
+    )
+    low, high = found.holdout.level.scale
+    assert 0.05 < low <= high <= 1.0
 
 
-def test_samples_that_contradict_each_other_are_alike(leaping) -> None:
-    data = record(8)
-    y = data.y[:, 0].copy()
-    y[5] += 3.0  # which the samples beside it refute
-    broken = setid.IOData(data.u, y)
-
-    def named() -> tuple:
-        return setid.identify(broken, GAIN, setid.Noise(output=0.05), options=OPTIONS).samples
-
-    first = named()
+def test_samples_that_contradict_each_other_are_found_whatever_clocks_say(leaping) -> None:
+    y = record().y[:, 0].copy()
+    y[5] += 3.0  # its neighbours refute it
+    broken = setid.IOData(record().u, y)
+    formulation = setid.formulate(broken, FIRST_ORDER, setid.Noise(output=0.05))
+    deadline = Deadline.before(np.inf, 1.0)
     leaping()
-    assert named() == first and len(first) < len(y)
+    named = conflicting_samples(formulation, None, deadline)
+    assert len(named) < 7 and {(1, 6), (1, 7)} & set(named)
 
 
 def test_a_search_of_the_least_factor_counts_work(leaping) -> None:
-    formulation = setid.formulate(record(), GAIN, setid.Noise(output=0.2))
+    formulation = setid.formulate(record(), FIRST_ORDER, setid.Noise(output=0.2))
     first = search_factor(formulation, None, Deadline.before(np.inf, 0.1))
     leaping()
     again = search_factor(formulation, None, Deadline.before(np.inf, 0.1))
@@ -76,11 +71,12 @@ def test_a_search_of_the_least_factor_counts_work(leaping) -> None:
     assert search_factor(formulation, None, ended) is None
 
 
+@pytest.mark.slow
 def test_bands_without_a_time_limit_are_alike(leaping) -> None:
-    result = setid.identify(record(), GAIN, setid.Noise(output=0.05), options=OPTIONS)
+    result = setid.identify(record(), FIRST_ORDER, setid.Noise(output=0.05), options=OPTIONS)
 
     def band() -> np.ndarray:
-        return setid.simulate_band(result, np.ones(4), time_limit=np.inf).proved
+        return setid.simulate_band(result, record(6), time_limit=np.inf).low
 
     first = band()
     leaping()
