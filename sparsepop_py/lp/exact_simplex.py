@@ -16,13 +16,14 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import check
+from sparsepop_py.budget import check, spend
 from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron, doubles, integers
 
 __all__ = ["Outcome", "Simplex"]
 
 _UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
+_ENTRY_WORK = 2e-6  # of an integer that a pivot divides: they have some hundred digits
 _GREEDY = 60  # pivots by largest violation before Bland's rule, which cannot cycle
 
 
@@ -148,6 +149,7 @@ class Simplex:
         """Exchange a row of the basis; integers divide without remainder (Bareiss)."""
         pivot, old = weights[place], self._determinant
         check()
+        spend(_ENTRY_WORK * len(weights) ** 2)
         for row in self._adjugate:
             leaving = row[place]
             for j, weight in enumerate(weights):
