@@ -174,11 +174,14 @@ def _shown(value: float, upwards: bool, digits: int) -> str:
 
 
 def _attained(inner: tuple[float, float] | None) -> str:
-    """Show an attained interval, rounded inwards, with more digits where it is short."""
+    """Show an attained interval, rounded inwards, with more digits where it is short.
+
+    Where both ends come from one vector, they may cross by what its proof rounds.
+    """
     if inner is None:
         return "none"
     for digits in (6, 10, 15):
         low, high = _shown(inner[0], True, digits), _shown(inner[1], False, digits)
         if float(low) <= float(high):
             return f"[{low}, {high}]"
-    return f"[{inner[0]!r}, {inner[1]!r}]"
+    return f"near {0.5 * inner[0] + 0.5 * inner[1]:.10g}"

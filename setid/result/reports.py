@@ -57,12 +57,17 @@ def table(result: FeasibleSet) -> str:
 
 
 def _ends(result: FeasibleSet, item: ParameterInterval, none: str) -> tuple[str, str, str, str]:
-    """Round outer ends outwards and inner ends inwards; ``none`` stands for no inner end."""
+    """Round outer ends outwards and inner ends inwards; ``none`` stands for no inner end.
+
+    Inner ends that cross when they are rounded are shown as one number, "near" it.
+    """
     if result.empty:
         return "empty", "", none, none
     inner = (none, none)
     if item.inner is not None:
         inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
+        if float(inner[0]) > float(inner[1]):
+            inner = "near", f"{0.5 * item.inner[0] + 0.5 * item.inner[1]:.8g}"
     return rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8), *inner
 
 

@@ -44,6 +44,14 @@ def test_what_is_shown_of_an_interval_is_proved_and_attained(ends: tuple[float, 
     assert shown[1] - shown[0] < Decimal("1.00001") * Decimal(ends[1] - ends[0]) + Decimal("2e-5")
 
 
+def test_ends_of_one_vector_that_cross_by_rounding_are_shown_as_one_number() -> None:
+    item = interval((-2.0, 0.0), (-1.999999999997914, -2.000000000004171))
+    assert repr(item) == "a1 in [-2, 0], attained near -2, partial"
+    result = result_of(first_order().formulation, {"a1": item})
+    (line,) = (line for line in result.table().splitlines() if line.startswith("a1"))
+    assert line.split() == ["a1", "-2", "0", "near", "-2", "2", "partial"]
+
+
 @pytest.mark.parametrize("status", list(STATUS))
 def test_each_status_is_text_with_a_message(status: setid.IntervalStatus) -> None:
     assert status == str(status) and status.message.endswith(".")
