@@ -176,7 +176,7 @@ class Deadline:
 
     @classmethod
     def before(cls, moment: float, most: float, share: float = 1.0) -> Deadline:
-        """Return a deadline after some seconds, or units of work where no moment ends it all.
+        """Return a deadline after seconds, or after work where no moment is given.
 
         Every stage that ends after a time of its own is given one of these: where no limit in time
         was asked for, no clock then changes what it finds.
@@ -193,8 +193,9 @@ class Deadline:
         Examples
         --------
         >>> from sparsepop_py.budget import Deadline
-        >>> Deadline.before(float("inf"), 5.0).limits
-        {'work_limit': 5.0}
+        >>> stage = Deadline.before(float("inf"), 5.0)
+        >>> stage.counts_work, stage.left
+        (True, None)
         """
         if moment == np.inf:
             return cls(None, most)
@@ -300,7 +301,7 @@ class Deadline:
 
     @property
     def limits(self) -> dict[str, Any]:
-        """What is left of each limit, at least a thousandth, as options of a solve."""
+        """Return what is left of each limit, as options of a solve; at least a thousandth."""
         left = {"cpu_limit": self.cpu_left}
         if self.wall_end < np.inf:
             left["time_limit"] = max(1e-3, self.wall_end - time.monotonic())

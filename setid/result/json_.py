@@ -289,6 +289,15 @@ def _check_witness(point: Any, formulation: Formulation) -> None:
         raise SetidError("witnesses: found a point that violates the rows of the record")
 
 
+def _proved_again(point: sp.ProvedPoint, problem: sp.Problem) -> sp.ProvedPoint:
+    """Return a point if its proof gives no less than it says, else what the proof gives."""
+    found = point.recheck(problem)
+    if found is None:
+        raise SetidError("attained: found a point that could not be proved again")
+    near = np.array_equal(found.x, point.x) and found.radius <= point.radius
+    return point if near and found.value <= point.value else found
+
+
 def _results(
     found: dict[str, Any], scaled: InUnits, asked: Sequence[Any], options: Options
 ) -> tuple[sp.Result, ...]:
@@ -299,10 +308,8 @@ def _results(
     made = []
     for item, proof, point, objective in zip(found["results"], proofs, points, asked, strict=True):
         problem = scaled.problem.with_objective(scaled.asked(objective)[0])
-        if point is not None:  # place, radius and value are those that its proof gives
-            point = point.recheck(problem)
-            if point is None:
-                raise SetidError("attained: found a point that could not be proved again")
+        if point is not None:
+            point = _proved_again(point, problem)
         # what verification proves, whatever the text states beside it
         low = read(item["lower_bound"]) if proof is not None else -inf
         high = read(item["upper_bound"]) if point is not None else inf

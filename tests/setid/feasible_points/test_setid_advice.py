@@ -88,7 +88,7 @@ def test_the_error_of_the_centre_holds_for_the_truth(noise: setid.Noise) -> None
     empty = setid.identify(
         result.formulation.data, result.formulation.model, setid.Noise(equation=1e-9)
     )
-    with pytest.raises(setid.SetidError, match="none has a distance"):
+    with pytest.raises(setid.SetidError, match="found an empty feasible set"):
         empty.error(estimate)
 
 

@@ -86,18 +86,17 @@ def test_cones_whose_multipliers_vary_are_kept(
     assert 0.0 < factors[0] < factors[1]
 
 
-@pytest.mark.parametrize(
-    ("limit", "least", "most"), [(None, 2, 3.6), (4.0, 0.5, 1), (20.0, 1, 5), (200.0, 4, 50)]
-)
+@pytest.mark.parametrize(("limit", "least", "most"), [(4.0, 0.5, 1), (20.0, 1, 5), (200.0, 4, 50)])
 def test_multipliers_that_do_not_vary_have_two_cpu_seconds(
-    limit: float | None, least: float, most: float
+    limit: float, least: float, most: float
 ) -> None:
     """Of at most a quarter of the time, and more where a CPU second lasts longer.
 
-    A share alone would be .12, .6 and 6 seconds; without a limit it is that of two minutes.
+    A share alone would be .12, .6 and 6 seconds. Without a limit work is counted.
     """
     left = all_norms._alone(Deadline(limit)).left
     assert left is not None and least < left <= most
+    assert all_norms._alone(Deadline()).counts_work
 
 
 def test_a_fit_ends_with_its_search(monkeypatch: pytest.MonkeyPatch) -> None:
