@@ -301,7 +301,7 @@ class Deadline:
 
     @property
     def limits(self) -> dict[str, Any]:
-        """Return what is left of each limit, as options of a solve; at least a thousandth."""
+        """Return what is left of each limit, as options of a solve."""
         left = {"cpu_limit": self.cpu_left}
         if self.wall_end < np.inf:
             left["time_limit"] = max(1e-3, self.wall_end - time.monotonic())
