@@ -50,7 +50,7 @@ from setid.control.references import (
 )
 from setid.control.transfer import Transfer, as_transfer, simulate_exactly
 from setid.minimum_noise.conflicting_samples import samples_listed
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import Deadline, LimitReached
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -519,7 +519,12 @@ def _after(
         box = ends[0], ends[1]
         known = record, fixed.model, noise, fixed.integrators
         return consistent_set(*known, box=box, until=until)
-    return found if found is None or found.empty else tightened(found, result, until)
+    if found is None or found.empty:
+        return found
+    try:
+        return tightened(found, result, until)
+    except LimitReached:
+        return found
 
 
 def _inverse(basis: Reals) -> Reals:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
@@ -67,7 +68,11 @@ NOTHING = "no plant of this structure is consistent with the record, proved"
 _REFUTED = "a consistent plant makes an unstable loop, both proved"
 _STRONG = "the data give no finite set of plants: the noise is strong"
 _NOT_STABLE = f"{_WITHOUT_MARGIN}: that all consistent plants are stable is not proved"
-_OPEN = (NOTHING, _STRONG, f"{_WITHOUT_MARGIN}; {_STRONG}", _NOT_STABLE)
+_LATE = "no finite set of plants was found in time: the noise is strong, or time is short"
+_UNBOUNDED = tuple(
+    f"{prefix}{why}" for prefix in ("", f"{_WITHOUT_MARGIN}; ") for why in (_STRONG, _LATE)
+)
+_OPEN = (NOTHING, *_UNBOUNDED, _NOT_STABLE)
 _UNPROVED = re.compile(
     r"no proof near [\d.e+-]*(, [\d.e+-]+)* rad a sample; a failing proof says nothing of the loop"
 )
@@ -355,14 +360,16 @@ class Question:
         until, result = begin + _PROOF * limit, None
         found, outcome = self._prove(claim, until)
         now, plant = time.monotonic(), None
+        late = found is None and now > until
         if not outcome.proved and now < until:
             plant = self._refuting(found, now + _EARLY * (until - now))
         asks = not outcome.proved and plant is None and time.monotonic() < until
         if asks and found is not None and not found.empty:
-            found, outcome, result = self._prove_within(found, claim, until)
+            with suppress(LimitReached):  # then all of it is as if it had not been begun
+                found, outcome, result = self._prove_within(found, claim, until)
         if not outcome.proved and plant is None:
             plant = self._refuting(found, begin + limit)
-        reason = self._reason(found, outcome, plant)
+        reason = self._reason(found, outcome, plant, late)
         answer = self._answer(
             found, outcome, reason, self._judged(conditions, outcome), assumptions, plant
         )
@@ -421,11 +428,10 @@ class Question:
         except LimitReached:
             return None
 
-    def known(self, until: float = inf) -> ParameterSet | None:
+    def known(self, until: float = inf, brief: bool = False) -> ParameterSet | None:
         """Enclose all consistent plants in a polytope, by sums of rows."""
-        return consistent_set(
-            self.data, self.model, self.noise, self.integrators, self.margin, until=until
-        )
+        parts = self.data, self.model, self.noise, self.integrators, self.margin
+        return consistent_set(*parts, until=until, brief=brief)
 
     def narrowed(
         self, found: ParameterSet, result: Identification, until: float = inf
@@ -506,12 +512,15 @@ class Question:
             and set(self._assumptions()) <= set(answer.assumptions)
         )
 
-    def _reason(self, found: ParameterSet | None, outcome: Outcome, plant: Transfer | None) -> str:
+    def _reason(
+        self, found: ParameterSet | None, outcome: Outcome, plant: Transfer | None, late: bool
+    ) -> str:
         if plant is not None:
             return _REFUTED
         if found is None:
             bare = self.margin is None and self.method == "small_gain"
-            return f"{_WITHOUT_MARGIN}; {_STRONG}" if bare else _STRONG
+            why = _LATE if late else _STRONG
+            return f"{_WITHOUT_MARGIN}; {why}" if bare else why
         if found.empty:
             return NOTHING
         if outcome.proved:

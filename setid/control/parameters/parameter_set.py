@@ -31,8 +31,10 @@ from setid.control.parameters.sums import (
     best_fit,
     cover_by_sums,
     first_box,
+    in_time,
     within_doubles,
 )
+from sparsepop_py.budget import LimitReached
 
 __all__ = ["ParameterSet", "consistent_set"]
 
@@ -114,12 +116,23 @@ class ParameterSet:
         p = len(self.names)
         return self.ranges(np.zeros(p), np.eye(p))
 
-    def within(self, matrix: Reals, right: Reals, until: float = inf) -> ParameterSet:
-        """Take the part in which matrix theta <= right, shrunk again until a deadline."""
+    def within(
+        self, matrix: Reals, right: Reals, until: float = inf, brief: bool = False
+    ) -> ParameterSet:
+        """Take the part in which matrix theta <= right, shrunk again.
+
+        Parameters
+        ----------
+        matrix, right : (m, p), (m,) float
+        until : float
+            Reading of ``time.monotonic`` that ends it by ``LimitReached``.
+        brief : bool
+            As for :func:`consistent_set`.
+        """
         constant, directions, loss = self.in_frame(np.zeros(len(right)), matrix)
         size = np.abs(right) + np.abs(constant)
         smaller = self.polytope.with_rows(directions, right - constant + loss + 4 * _EPS * size)
-        return self.part(cover_by_sums(self.rows, smaller, self.frame, until=until))
+        return self.shrunk(smaller, until, brief)
 
     def halves(self, axis: int) -> list[ParameterSet]:
         """Halve the set at the middle of a coordinate z, empty parts left out."""
@@ -134,6 +147,11 @@ class ParameterSet:
                 found.append(smaller)
         return found
 
+    def shrunk(self, polytope: Polytope, until: float = inf, brief: bool = False) -> ParameterSet:
+        """Keep rows and frame over what sums of rows leave of another polytope."""
+        parts = self.rows, polytope, self.frame
+        return self.part(cover_by_sums(*parts, until=until, best=not brief))
+
     def part(self, polytope: Polytope) -> ParameterSet:
         """Keep rows and frame over another polytope."""
         return ParameterSet(self.rows, self.frame, polytope)
@@ -147,6 +165,7 @@ def consistent_set(
     margin: float | None = None,
     box: tuple[Reals, Reals] | None = None,
     until: float = inf,
+    brief: bool = False,
 ) -> ParameterSet | None:
     """Prove a polytope around all consistent parameters, by linear programs alone.
 
@@ -163,7 +182,10 @@ def consistent_set(
     box : (lower, upper), each (p,), optional
         Proved ends of all parameters, to start from where sums of rows give none.
     until : float
-        Reading of ``time.monotonic`` after which nothing is shrunk any more.
+        Reading of ``time.monotonic`` after which the brief set is taken instead, so that a clock
+        only chooses between two sets.
+    brief : bool
+        Make do without linear programs that look for the weights of sums.
 
     Returns
     -------
@@ -187,20 +209,25 @@ def consistent_set(
     if rows.target.size < rows.basis.shape[1] or not rows.squarable:
         return None
 
-    def covered() -> ParameterSet | None:
+    def covered(until: float, brief: bool) -> ParameterSet | None:
         frame = best_fit(rows)
-        start = first_box(rows, frame, until)
-        if start is None:
+        start = first_box(rows, frame, until, best=not brief)
+        if start is None and (box is not None or not brief):
             start = _start(data, model, noise, margin, rows, frame, box, until)
-            if start is None:
-                return None
+        if start is None:
+            return None
         found = ParameterSet(rows, frame, start)
         prior = _stable_rows(model, integrators, margin)
         if prior is not None:
-            return found.within(*prior, until)
-        return found.part(cover_by_sums(rows, start, frame, until=until))
+            return found.within(*prior, until, brief)
+        return found.shrunk(start, until, brief)
 
-    return within_doubles(covered)
+    if not brief:
+        try:
+            return within_doubles(lambda: covered(until, False))
+        except LimitReached:
+            pass
+    return within_doubles(lambda: covered(inf, True))
 
 
 def _start(
@@ -231,6 +258,7 @@ def _start(
     if formulation.regression is None:
         return None
     box = setid.parameter_box(formulation.regression, begin, until)
+    in_time(until)
     low, high = box.lower[kept], box.upper[kept]
     if np.any(low > high) or not np.all(np.isfinite([low, high])):
         return None
@@ -327,7 +355,7 @@ def tightened(known: ParameterSet, result: Identification, until: float = inf) -
     result : Identification
         Of the same record, structure and noise.
     until : float
-        Reading of ``time.monotonic`` after which nothing is shrunk any more.
+        Reading of ``time.monotonic`` that ends it by ``LimitReached``.
     """
     ends = np.array([result.intervals[name].outer for name in known.names])
     eye, finite = np.eye(len(known.names)), np.isfinite(ends)

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from setid.control.parameters.polytope import Polytope, box_of
 from setid.control.parameters.rows import NoisyRows
-from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.budget import LimitReached
+from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "best_fit",
     "cover_by_sums",
     "first_box",
+    "in_time",
     "least_noise_fit",
     "return_factor",
     "rows_on_box",
@@ -67,6 +69,16 @@ def within_doubles(compute: Callable[[], T]) -> T | None:
             return compute()
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
+
+
+def in_time(until: float) -> None:
+    """Raise ``LimitReached`` after a reading of ``time.monotonic``.
+
+    What a proof rests on is made whole or not at all: the check of the proof has no clock, and is
+    to make it again.
+    """
+    if time.monotonic() >= until:
+        raise LimitReached
 
 
 def _doubles(values: Reals) -> Reals:
@@ -301,7 +313,9 @@ def _above(factor: Reals, right: Reals) -> Reals:
 # ---- boxes ------------------------------------------------------------------------------
 
 
-def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | None:
+def first_box(
+    rows: NoisyRows, frame: Frame, until: float = inf, best: bool = True
+) -> Polytope | None:
     """Find a box from a left inverse of the rows.
 
     It follows from abs(z - z0) <= d + G abs(z - z0); d has the noise summed first.
@@ -311,7 +325,9 @@ def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | N
     rows : NoisyRows
     frame : Frame
     until : float
-        Reading of ``time.monotonic`` after which linear programs are given up.
+        Reading of ``time.monotonic`` that ends it by ``LimitReached``.
+    best : bool
+        Whether linear programs look for the left inverse, where the first one gives no box.
 
     Returns
     -------
@@ -321,7 +337,9 @@ def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | N
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
     inverse = np.linalg.pinv(_doubles(metric @ rows.regressors @ frame.axes)) @ metric
     found = _contraction(rows, frame, inverse)
-    return found or _contraction(rows, frame, _least_noise_inverse(rows, frame, until))
+    if found is not None or not best:
+        return found
+    return _contraction(rows, frame, _least_noise_inverse(rows, frame, until))
 
 
 def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals | None:
@@ -339,9 +357,7 @@ def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals |
     for i in range(x.size):
         cost = np.zeros(x.size + count)
         cost[i] = 1.0
-        if time.monotonic() > until:
-            return None
-        result = program.solve(cost, _left(until))
+        result = _solved(program, cost, until)
         if result.status != "solved":
             return None
         found.append(result.dual)
@@ -402,6 +418,7 @@ def cover_by_sums(
     fit: Reals | None = None,
     rounds: int = _ROUNDS,
     until: float = inf,
+    best: bool = True,
 ) -> Polytope:
     """Shrink a box by linear programs over sums of rows.
 
@@ -417,7 +434,9 @@ def cover_by_sums(
     rounds : int
         At most.
     until : float
-        Reading of ``time.monotonic`` after which no round begins.
+        Reading of ``time.monotonic`` that ends it by ``LimitReached``.
+    best : bool
+        Whether linear programs look for weights, without ``fit``.
 
     Returns
     -------
@@ -425,9 +444,10 @@ def cover_by_sums(
         Contains every consistent x as well. Its box may be crossed: then none is consistent.
     """
     around = frame if fit is None else Frame(fit, frame.axes)
-    sums = sums_of(rows, _weights(rows, around, fit is None, until), frame)
+    sums = sums_of(rows, _weights(rows, around, best and fit is None, until), frame)
     eye = np.eye(frame.origin.size)
     for _ in range(rounds):
+        in_time(until)
         cover = box.with_rows(*rows_on_box(sums, box))
         if cover.proved_empty():
             return Polytope(box.upper + 1.0, box.lower - 1.0, box.matrix, box.right)
@@ -437,7 +457,7 @@ def cover_by_sums(
             return smaller
         shrunk = np.any(smaller.upper - smaller.lower < _GAIN * (box.upper - box.lower))
         box = smaller
-        if not shrunk or time.monotonic() > until:
+        if not shrunk:
             break
     return _cutting(box.with_rows(*rows_on_box(sums, box)))
 
@@ -524,15 +544,17 @@ def _best(rows: NoisyRows, frame: Frame, until: float) -> Reals:
     program = LinearModel(matrix, (-residual, -residual), (-ends, ends))
     found = []
     for goal in np.concatenate([np.eye(q), -np.eye(q), frame.axes, -frame.axes]):
-        if time.monotonic() > until:
-            break
         cost = np.concatenate([goal / np.abs(goal).max(), np.zeros(count)])
-        result = program.solve(cost, _left(until))
+        result = _solved(program, cost, until)
         if result.status == "solved":
             found.append(result.dual)
     return np.reshape(found, (-1, rows.target.size))
 
 
-def _left(until: float) -> float | None:
-    """Seconds that a linear program may take before a deadline."""
-    return None if until == inf else max(until - time.monotonic(), 0.05)
+def _solved(program: LinearModel, cost: Reals, until: float) -> LinearSolution:
+    """Solve a linear program; ``LimitReached`` where time ends it."""
+    in_time(until)
+    found = program.solve(cost, None if until == inf else until - time.monotonic())
+    if found.status == "stopped":
+        raise LimitReached
+    return found

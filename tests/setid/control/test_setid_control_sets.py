@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from itertools import count
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -177,3 +180,20 @@ def test_bounds_on_arcs_keep_a_deadline_and_stay_bounds() -> None:
     assert zero_free(found, near, found.centre) == []
     late = zero_free(found, near, found.centre, until=0.0)
     assert late and all(abs(w - 1.0) < 0.2 for w in late)
+
+
+def test_a_clock_only_chooses_between_two_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is made under a limit is made again by a check without one; a set cut short is not."""
+    u = np.random.default_rng(4).uniform(-1, 1, 16)
+    y = lfilter([0, 0.8], [1, -0.2, -0.3], u)
+    parts = setid.IOData(u, y), setid.TransferFunction(2, 1, 1), setid.Noise(output=0.003)
+    full, brief = (consistent_set(*parts, brief=short).box for short in (False, True))
+    assert not np.array_equal(full, brief)
+    whole = []
+    for last in (0, 9, 25, 60, 10**6):
+        clock = (0.0 if reading < last else 2.0 for reading in count())
+        monkeypatch.setattr(time, "monotonic", clock.__next__)
+        box = consistent_set(*parts, until=1.0).box
+        whole.append(np.array_equal(box, full))
+        assert whole[-1] or np.array_equal(box, brief)
+    assert whole == sorted(whole) and not whole[0] and whole[-1]

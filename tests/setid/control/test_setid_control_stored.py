@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+import time
 from dataclasses import replace
 from fractions import Fraction
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -336,3 +338,19 @@ def test_sampling_times_that_are_no_numbers_are_refused() -> None:
         other = copy.copy(getattr(answer, name))
         object.__setattr__(other, "Ts", float("nan"))
         assert name in replace(answer, **{name: other}).verify().reason
+
+
+@pytest.mark.parametrize("last", [17, 27])
+def test_a_certificate_that_a_clock_cut_short_verifies(
+    monkeypatch: pytest.MonkeyPatch, last: int
+) -> None:
+    """Its set of plants once was one that only that clock made, with a lower bound elsewhere."""
+    rng = np.random.default_rng(1)
+    plant, u = control.Transfer([0, 0.8], [1, -0.2, -0.3]), rng.uniform(-1, 1, 12)
+    data = setid.IOData(u, plant.simulate(u) + rng.uniform(-0.005, 0.005, 12))
+    K, model = control.ideal_controller(plant, M), setid.TransferFunction(2, 1, 1)
+    clock = (0.0 if reading < last else 1e3 for reading in count())
+    with monkeypatch.context() as patch:
+        patch.setattr(time, "monotonic", clock.__next__)
+        answer = control.stability_certificate(data, K, M, model, 0.005, time_limit=1.0)
+    assert answer.verdict == "certified" and answer.verify()
