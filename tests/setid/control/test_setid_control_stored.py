@@ -354,3 +354,23 @@ def test_a_certificate_that_a_clock_cut_short_verifies(
         patch.setattr(time, "monotonic", clock.__next__)
         answer = control.stability_certificate(data, K, M, model, 0.005, time_limit=1.0)
     assert answer.verdict == "certified" and answer.verify()
+
+
+def test_a_proof_on_the_brief_set_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    answer, known = certificate("small_gain"), Question.known
+    monkeypatch.setattr(Question, "known", lambda self, brief=False: None)
+    assert not answer.verify()
+    monkeypatch.setattr(
+        Question, "known", lambda self, brief=False: known(self, brief=True) if brief else None
+    )
+    wider = tuple((low, high, 2.0 * bound) for low, high, bound in answer.arcs)
+    outcome = Outcome(True, tuple((a, b, c / (1.0 + 1e-9)) for a, b, c in wider), (), answer.cells)
+    question = stored._question(answer)
+    loose = replace(
+        answer,
+        arcs=wider,
+        bound=max(b for *_, b in wider),
+        reason=question.proved_reason(outcome),
+        conditions=question._judged(question.exact_conditions()[0], outcome),
+    )
+    assert loose.verify()
