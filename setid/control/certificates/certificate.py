@@ -229,7 +229,8 @@ def stability_certificate(
         Plant poles at exactly z = 1, 0 or 1.
     time_limit : float
         Seconds. Linear programs of arcs that have begun are ended, so that large records may
-        take a little longer.
+        take a little longer. Where it passes before the set of all plants is made, a wider one
+        is taken that needs fewer linear programs.
     snap : float
         Largest distance of a pole of the controller, and of the static gain of M, from 1 that is
         taken for none; what was moved is listed among the assumptions.
