@@ -13,13 +13,12 @@ from .files.reading import (
     Constraint,
     Malformed,
     Problem,
-    alike,
     each,
     fields,
     item,
-    items,
     polynomial,
     problem,
+    together,
 )
 from .result import NotProved, check_claims, proved_bound
 
@@ -76,8 +75,8 @@ def key(p: Polynomial) -> Any:
 
 def ratio(found: Any, n: int, place: str) -> Ratio:
     """Read a numerator and a denominator."""
-    alike(place, items(found, place), "pq")
-    return polynomial(found[0], n, place), polynomial(found[1], n, place)
+    above, under = together(polynomial, polynomial)(found, n, place)
+    return above, under
 
 
 def rational(found: Any, n: int, place: str) -> Rational:

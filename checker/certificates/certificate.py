@@ -20,6 +20,7 @@ from ..files.reading import (
     items,
     one_of,
     perhaps,
+    together,
 )
 from .exact_dual import ExactDual
 from .gram import ExactGram
@@ -284,12 +285,12 @@ def bounded(box: Box, v: int, side: int, value: Fraction) -> None:
 class Known(Step):
     """Bounds of variables that are certificates of their own."""
 
-    KINDS: ClassVar = {"bounds": "i**"}
+    KINDS: ClassVar = {"bounds": each(together("i", "i", "i"))}
 
     def check(self, n: int) -> None:
         """Refuse what is not a variable, a side and the number of a certificate."""
         for row in self.given.bounds:
-            if len(row) != 3 or not 0 <= row[0] < n or row[1] not in (1, -1):
+            if not 0 <= row[0] < n or row[1] not in (1, -1):
                 raise Malformed(f"{self.given.where}: {row!r:.40} is no bound of a variable")
 
     def apply(self, replay: Replay, box: Box) -> None:

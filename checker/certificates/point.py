@@ -242,7 +242,7 @@ def falls_without_limit(problem: Problem, point: ProvedPoint, ray: list[Fraction
     if origin is None or (ray is not None and len(ray) != len(origin)):
         return False
     tried = _directions(problem, point.x) if ray is None else iter([ray])
-    return any(_falls(problem, origin, direction) for direction in tried)
+    return any(falls(problem, origin, direction) for direction in tried)
 
 
 def _directions(problem: Problem, x: list[Fraction]) -> Iterator[list[Fraction]]:
@@ -259,7 +259,7 @@ def _directions(problem: Problem, x: list[Fraction]) -> Iterator[list[Fraction]]
             yield [Fraction(s) for s in signs]
 
 
-def _falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bool:
+def falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bool:
     """Check that x + s * direction is feasible for all s >= 0 and the objective falls there."""
     for step, low, high in zip(direction, problem.lower, problem.upper, strict=True):
         if (step < 0 and low != -INF) or (step > 0 and high != INF):

@@ -191,6 +191,18 @@ def each(kind: Callable[..., Any]) -> Callable[..., list[Any]]:
     return read
 
 
+def together(*kinds: Any) -> Callable[[Any, int, str], list[Any]]:
+    """Make a reader of lists with one entry of each kind."""
+
+    def read_(found: Any, n: int, place: str) -> list[Any]:
+        if len(items(found, place)) != len(kinds):
+            raise Malformed(f"{place}: {len(found)} entries, not {len(kinds)}")
+        pairs = zip(found, kinds, strict=True)
+        return [read(one, kind, f"{place}[{k}]", n) for k, (one, kind) in enumerate(pairs)]
+
+    return read_
+
+
 def perhaps(kind: Callable[..., Any]) -> Callable[..., Any]:
     """Make a reader that allows null from one of (found, n, place)."""
     return lambda found, n, place: None if found is None else kind(found, n, place)
@@ -249,7 +261,8 @@ def read(found: Any, kind: Any, place: str, n: int = 0) -> Any:
     if kind.endswith("?"):
         return None if found is None else read(found, kind[:-1], place, n)
     if kind.endswith("*"):
-        return [read(one, kind[:-1], place, n) for one in items(found, place)]
+        entries = enumerate(items(found, place))
+        return [read(one, kind[:-1], f"{place}[{k}]", n) for k, one in entries]
     if kind == "w2":
         return words(array(found, "i", 2, place), n, place)
     if kind == "w3":
@@ -281,9 +294,9 @@ def one_of(*kinds: type) -> Callable[[Any, int, str], Any]:
 
 def branch(found: Any, n: int, place: str) -> tuple[int, Fraction]:
     """Read the variable and the place of a split."""
-    alike(place, items(found, place), "vx")
-    below([whole(found[0], place)], n, place)
-    return found[0], exact(found[1], place)
+    variable, at = together("i", "e")(found, n, place)
+    below([variable], n, place)
+    return variable, at
 
 
 def alike(place: str, *lists: Sized) -> None:
@@ -324,9 +337,10 @@ def constraint(found: Any, n: int, place: str) -> Constraint:
 
 def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
     """Read a weight >= 0 and a polynomial."""
-    if len(items(found, place)) != 2 or not (weight := finite(found[0], place)) >= 0:
-        raise Malformed(f"{place}: not a weight >= 0 and a polynomial")
-    return Fraction(weight), polynomial(found[1], n, place)
+    weight, squared = together("e", polynomial)(found, n, place)
+    if weight < 0:
+        raise Malformed(f"{place}: a negative weight")
+    return weight, squared
 
 
 def problem(found: Any, place: str = "problem") -> Problem:

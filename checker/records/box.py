@@ -70,21 +70,21 @@ def move(box: Ends, v: int, side: int, least: Any) -> None:
 
 
 def walk(
-    found: Any, firsts: list[T], parts: Callable[[int, Any, T], list[T]], **kinds: Any
+    found: Any, place: str, firsts: list[T], parts: Callable[[int, Any, T], list[T]], **kinds: Any
 ) -> None:
     """Go through trees of nodes, the roots first, whose children come later and only once.
 
     ``parts`` tells of a node's number, its fields and its own part what the parts of its children
     are: two, or none for a leaf.
     """
-    nodes, seen, waiting = items(found, "box.nodes"), set[int](), list(enumerate(firsts))
+    nodes, seen, waiting = items(found, place), set[int](), list(enumerate(firsts))
     while waiting:
-        place, own = waiting.pop()
-        below([place], len(nodes), "box.nodes")
-        node = fields(nodes[place], "box.nodes", 0, children="i*", **kinds)
-        if place in seen or any(child <= place for child in node.children):
-            raise Malformed("box.nodes: a node that stands twice, or before what it is part of")
-        seen.add(place)
-        if halves := parts(place, node, own):
-            alike("box.nodes: a node is split in two", node.children, halves)
+        number, own = waiting.pop()
+        below([number], len(nodes), place)
+        node = fields(nodes[number], f"{place}[{number}]", 0, children="i*", **kinds)
+        if number in seen or any(child <= number for child in node.children):
+            raise Malformed(f"{node.where}: a node twice, or before what it is part of")
+        seen.add(number)
+        if halves := parts(number, node, own):
+            alike(f"{node.where}.children", node.children, halves)
             waiting += zip(node.children, halves, strict=True)

@@ -17,7 +17,7 @@ from math import gcd
 from typing import Any
 
 from ..certificates.elimination import eliminated, solution
-from ..files.reading import Malformed, alike, below, fields
+from ..files.reading import Malformed, alike, below, each, fields
 from ..result import NotProved
 from .box import Ends, dot, hull, move, walk
 from .linear_rows import Regression
@@ -39,21 +39,21 @@ class Rows:
     None, and rows begin with the first sample.
     """
 
-    def __init__(self, about: Any, output: int, rest: bool = False) -> None:
-        record, structure = about.record, about.structure
-        below([output - 1], len(record.y), "box: outputs")
+    def __init__(self, about: Any, output: int, rest: bool = False, where: str = "box") -> None:
+        record, structure, self.where = about.record, about.structure, where
+        below([output - 1], len(record.y), f"{where}.output")
         terms, name = structure.equation(f"y{output}"), f"y{output}"
         noisy = [*record.bounds["input"], record.bounds["equation"][output - 1]]
         if any(v for column in noisy for v in column) or any(None in u for u in record.u):
-            raise NotProved("denominators of an output with other errors")
+            raise NotProved(f"{where}: denominators of an output with other errors")
         own = [term for term in terms if term.signal == name]
         others = [term for term in terms if term.signal != name]
         lags = [term.lag for term in own]
         if len(set(lags)) < len(lags) or any(t.signal and t.signal[0] != "u" for t in others):
-            raise NotProved("denominators of an output with other signals")
+            raise NotProved(f"{where}: denominators of an output with other signals")
         self.order, last = max(lags), max(term.lag for term in terms)
         if rest and not structure.zero:
-            raise NotProved("rows at rest of a structure that does not begin there")
+            raise NotProved(f"{where}.rest: the structure does not begin at rest")
         self.numbers: list[int | None] = []
         for k in range(record.samples):
             begins = rest and record.first(k) == k
@@ -104,10 +104,10 @@ def _whole(value: Fraction, bits: int) -> int:
     return found.numerator
 
 
-def _check_powers(powers: list[int]) -> None:
+def _check_powers(powers: list[int], place: str) -> None:
     """Refuse powers of two that no double has."""
     if any(abs(power) > 1100 for power in powers):
-        raise Malformed("box: a power of two that no double has")
+        raise Malformed(f"{place}: a power of two that no double has")
 
 
 class Multipliers:
@@ -116,31 +116,33 @@ class Multipliers:
     def __init__(self, rows: Rows, found: list[Any], free: list[int]) -> None:
         self.rows = rows
         self.inside = [place for place, k in enumerate(rows.numbers) if k is not None]
-        self.table = [self._read(one) for one in found]
-        below(free, len(self.inside), "box.free")
+        places = (f"{rows.where}.multipliers[{k}]" for k in range(len(found)))
+        self.table = [self._read(one, at) for one, at in zip(found, places, strict=True)]
+        place = f"{rows.where}.free"
+        below(free, len(self.inside), place)
         self.free = [self.inside[k] for k in free]
-        alike("box.free", self.free, rows.columns)
+        alike(place, self.free, rows.columns)
         if len(set(self.free)) < len(self.free) or not all(rows.asked[k] for k in self.free):
-            raise NotProved("samples that have no row")
+            raise NotProved(f"{place}: samples that have no row")
         given = [[Fraction(c[k], 1 << rows.bits) for k in self.free] for c in rows.columns]
-        up = [[abs(v) * (1 << _FINE) for v in line] for line in _inverse(given)]
+        up = [[abs(v) * (1 << _FINE) for v in line] for line in _inverse(given, place)]
         self.inverse = [[-(-v.numerator // v.denominator) for v in line] for line in up]
 
-    def _read(self, found: Any) -> tuple[int, list[int]]:
+    def _read(self, found: Any, place: str) -> tuple[int, list[int]]:
         """A power of two, and whole numbers that it multiplies, one for each sample."""
-        got = fields(found, "box.multipliers", 0, power="i", values="i*")
-        alike("box.multipliers", got.values, self.inside)
-        _check_powers([got.power])
+        got = fields(found, place, 0, power="i", values="i*")
+        alike(place, got.values, self.inside)
+        _check_powers([got.power], f"{place}.power")
         given = dict(zip(self.inside, got.values, strict=True))
         values = [given.get(place, 0) for place in range(self.rows.count)]
         if any(v and not row for v, row in zip(values, self.rows.asked, strict=True)):
-            raise NotProved("a multiplier of a sample without a row")
+            raise NotProved(f"{place}: a multiplier of a sample without a row")
         return got.power, values
 
     def family(self, leaf: Any, cone: Cone) -> tuple[list[list[int]], int]:
         """Read multipliers of a leaf as whole numbers times one power of two."""
-        below(leaf.family, len(self.table), "box.family")
-        alike("box.family", leaf.family, cone)
+        below(leaf.family, len(self.table), f"{leaf.where}.family")
+        alike(f"{leaf.where}.family", leaf.family, cone)
         chosen = [self.table[m] for m in leaf.family]
         least = min(power for power, _ in chosen)
         return [[v << power - least for v in values] for power, values in chosen], least
@@ -159,7 +161,7 @@ class Multipliers:
         return [-(-value >> _FINE + rows.bits) for value in found]
 
 
-def _inverse(matrix: list[list[Fraction]]) -> list[list[Fraction]]:
+def _inverse(matrix: list[list[Fraction]], place: str) -> list[list[Fraction]]:
     """The inverse of a matrix."""
     n = len(matrix)
     rows = [
@@ -168,7 +170,7 @@ def _inverse(matrix: list[list[Fraction]]) -> list[list[Fraction]]:
     ]
     done = eliminated(rows)
     if done is None:
-        raise NotProved("samples that determine no correction")
+        raise NotProved(f"{place}: samples that determine no correction")
     columns = [solution(done, {~k: Fraction(k == i) for k in range(n)}) for i in range(n)]
     return [[column[j] for column in columns] for j in range(n)]
 
@@ -202,10 +204,10 @@ Gain = tuple[int, int, Fraction]  # number of its column, sign, the upper end
 def holds(table: Multipliers, leaf: Any, cone: Cone, stable: bool, gain: Gain | None) -> bool:
     """Check whether every pair of vectors asks for more than noise, or a gain."""
     rows, size = table.rows, len(cone)
-    alike("box.powers", leaf.powers, cone)
-    _check_powers(leaf.powers)
+    alike(f"{leaf.where}.powers", leaf.powers, cone)
+    _check_powers(leaf.powers, f"{leaf.where}.powers")
     if leaf.minors and not (stable and len(leaf.minors) == rows.order - 2):
-        raise NotProved("minors of denominators that need not be stable")
+        raise NotProved(f"{leaf.where}.minors: of another order, or not of stable denominators")
     shift = max(leaf.powers)
     vectors = [
         [v << shift - power for v in line] for line, power in zip(cone, leaf.powers, strict=True)
@@ -262,24 +264,32 @@ def upright(cone: Cone) -> Cone | None:
     return None
 
 
+def limit_of(found: Any, n: int, place: str) -> Any:
+    """Read a limit of a gain on a cone."""
+    got = fields(found, place, n, cell="i", parameter="i", sign="i", value="e", **LEAF)
+    if got.sign not in (1, -1):
+        raise Malformed(f"{place}.sign: {got.sign} is not 1 or -1")
+    return got
+
+
 class Tree:
     """Cones of one output, split, with what multipliers say of them."""
 
-    def __init__(self, step: Any, regression: Regression) -> None:
+    def __init__(self, step: Any, regression: Regression, place: str = "box") -> None:
         kinds = {"output": "i", "stable": "b", "free": "i*", "multipliers": "l", "nodes": "l"}
-        self.got = fields({"rest": False, **step}, "box", 0, **kinds, limits="l", rest="b")
+        given = {"rest": False, **step}
+        self.got = fields(given, place, 0, **kinds, limits=each(limit_of), rest="b")
         self.regression, self.stable = regression, self.got.stable
-        self.rows = Rows(regression.about, self.got.output, self.got.rest)
+        self.rows = Rows(regression.about, self.got.output, self.got.rest, place)
         self.table = Multipliers(self.rows, self.got.multipliers, self.got.free)
         self.limits: dict[int, list[Any]] = {}
         for limit in self.got.limits:
-            place = fields(limit, "box.limits", 0, cell="i").cell
-            self.limits.setdefault(place, []).append(limit)
+            self.limits.setdefault(limit.cell, []).append(limit)
 
     def leaves(self, ends: Ends) -> list[Ends]:
         """List boxes of the leaves that are left."""
         if not self.stable and self.rows.order >= len(self.got.nodes).bit_length():
-            raise Malformed("box.nodes: fewer than there are first cones")
+            raise Malformed(f"{self.got.where}.nodes: fewer than there are first cones")
         found = []
 
         def parts(place: int, node: Any, own: tuple[Cone, Ends]) -> list[tuple[Cone, Ends]]:
@@ -291,7 +301,8 @@ class Tree:
             return []
 
         firsts = [(cone, ends) for cone in first_cones(self.rows.order, self.stable)]
-        walk(self.got.nodes, firsts, parts, edge="i*", weights="i*", **LEAF)
+        place = f"{self.got.where}.nodes"
+        walk(self.got.nodes, place, firsts, parts, edge="i*", weights="i*", **LEAF)
         return found
 
     def _monic(self, cone: Cone, ends: Ends) -> Ends:
@@ -309,21 +320,18 @@ class Tree:
         """A box with the ends of gains that hold on a cone."""
         found, turned = [list(side) for side in ends], upright(cone)
         for limit in self.limits.get(place, ()):
-            got = fields(limit, "box.limits", 0, parameter="i", sign="i", value="e", **LEAF)
-            below([got.parameter], self.regression.count, "box.limits")
-            column = self.rows.gains.get(self.regression.about.names[got.parameter])
-            if got.sign not in (1, -1):
-                raise Malformed("box.limits: a sign other than 1 and -1")
+            below([limit.parameter], self.regression.count, f"{limit.where}.parameter")
+            column = self.rows.gains.get(self.regression.about.names[limit.parameter])
             if column is None or turned is None:
-                raise NotProved("a limit of no gain, or on a cone of no monic denominators")
-            if holds(self.table, got, turned, self.stable, (column, got.sign, got.value)):
-                move(found, got.parameter, int(got.sign > 0), -got.value)
+                raise NotProved(f"{limit.where}: of no gain, or on no cone of monic denominators")
+            if holds(self.table, limit, turned, self.stable, (column, limit.sign, limit.value)):
+                move(found, limit.parameter, int(limit.sign > 0), -limit.value)
         return found
 
 
-def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_denominators(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Enclose what is left of a tree of cones, with gains bounded on each."""
-    tree = Tree(step, rows)
+    tree = Tree(step, rows, place)
     if tree.stable:
         rows.about.stable.add(tree.got.output)
     return hull(tree.leaves(ends), rows.count)
@@ -331,11 +339,11 @@ def by_denominators(step: Any, rows: Regression, ends: Ends) -> Ends:
 
 def _split(cone: Cone, node: Any) -> tuple[Cone, Cone]:
     """The parts of a cone on both sides of a vector on an edge."""
-    alike("box.nodes: an edge has two ends", node.edge, node.weights, "ab")
+    alike(f"{node.where}: an edge has two ends", node.edge, node.weights, "ab")
     i, j, one, two = *node.edge, *node.weights
-    below([i, j], len(cone), "box.nodes: edge")
+    below([i, j], len(cone), f"{node.where}.edge")
     if i == j or min(one, two) <= 0:
-        raise Malformed("box.nodes: an edge that parts nothing")
+        raise Malformed(f"{node.where}: an edge that parts nothing")
     made = [one * a + two * b for a, b in zip(cone[i], cone[j], strict=True)]
     divisor = gcd(*made) or 1
     first, second = list(cone), list(cone)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 from ..arithmetic.polynomial import INF
-from ..files.reading import fields
 from ..result import NotProved
 from .box import Ends, met, no_point
 
@@ -29,7 +28,7 @@ def bounded_with_fewer(inner: Any, about: Any, box: Ends) -> Ends:
 
 def outer_ends(inner: Any) -> Ends:
     """Read the intervals that an identification proves."""
-    pairs = [fields(i, "intervals", 0, outer="F*").outer for i in inner.got.intervals]
+    pairs = [stated.outer for stated in inner.got.intervals]
     return [[low for low, _ in pairs], [high for _, high in pairs]]
 
 

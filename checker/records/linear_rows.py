@@ -11,9 +11,11 @@ from typing import Any
 from ..arithmetic import interval as iv
 from ..arithmetic.polynomial import INF, Word, split
 from ..certificates.left_inverse import contracts
-from ..files.reading import Malformed, alike, below, fields, item, items, rational, read
+from ..files.reading import Malformed, alike, below, each, fields, item, together
 from ..result import NotProved
 from .box import ZERO, Ends, hull, met, move, no_point, walk
+
+MULTIPLIERS = each(together("i", "q"))  # rows and rationals
 
 
 def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
@@ -31,35 +33,35 @@ class Regression:
         self.places = {name: v for v, name in enumerate(about.names)}
         self._known: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
 
-    def row(self, output: int, k: int) -> tuple[list[Fraction], list[Fraction]]:
+    def row(self, output: int, k: int, place: str = "box") -> tuple[list[Any], list[Any]]:
         """Take R and W of an output (from 1) and sample, Y and w0 behind."""
         key = output, k
         if key not in self._known:
             record, structure = self.about.record, self.about.structure
-            below([key[0] - 1], len(record.y), "box: outputs")
-            below([key[1]], record.samples, "box: samples")
+            below([output - 1], len(record.y), f"{place}: output")
+            below([k], record.samples, f"{place}: sample")
             terms = record.row(structure.direct(output - 1), self.places, k, structure.zero)
-            pairs = [self._spread(factors) for factors in self._split(terms)]
+            pairs = [self._spread(factors, place) for factors in self._split(terms, place)]
             centre, radius = ([pair[side] for pair in pairs] for side in (0, 1))
             radius[-1] += record.bounds["equation"][output - 1][k]
             self._known[key] = centre, radius
         return self._known[key]
 
-    def _split(self, terms: dict[Word, Fraction]) -> list[dict[Word, Fraction]]:
+    def _split(self, terms: dict[Word, Fraction], place: str) -> list[dict[Word, Fraction]]:
         """Collect the factor of each column, in unknowns that are no parameters; the rest last."""
         nonzero = {word: value for word, value in terms.items() if value}
         found, parts = split(nonzero, range(1, len(self.places) + 1)), []
         for column in self.columns:
             shared = [found.pop(monomial, {}) for monomial in column]
             if any(other != shared[0] for other in shared):
-                raise NotProved("products of one column multiply different signals")
+                raise NotProved(f"{place}: products of one column multiply different signals")
             parts.append(shared[0])
         parts.append(found.pop((), {}))
         if found:
-            raise Malformed("box: a row with a product of parameters that is no column")
+            raise Malformed(f"{place}: a row with a product of parameters that is no column")
         return parts
 
-    def _spread(self, factors: dict[Word, Fraction]) -> tuple[Fraction, Fraction]:
+    def _spread(self, factors: dict[Word, Fraction], place: str) -> tuple[Fraction, Fraction]:
         """The middle of a sum of numbers and bounded unknowns, and how far it may be away."""
         centre, radius, problem = ZERO, ZERO, self.about.problem
         for word, value in factors.items():
@@ -69,29 +71,30 @@ class Regression:
             (v,) = (letter - 1 for letter in word)
             low, high = problem.lower[v], problem.upper[v]
             if low == -INF or high == INF:
-                raise Malformed("box: a row with an unknown that is not bounded")
+                raise Malformed(f"{place}: a row with an unknown that is not bounded")
             centre += value * self.about.units[v] * (low + high) / 2
             radius += abs(value) * self.about.units[v] * (high - low) / 2
         return centre, radius
 
 
-def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_inverse(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Prove |m - centre| <= radius by rows with intervals of Y and R."""
-    got = fields(step, "box", 0, rows="i**", inverse="e**", centre="e*", radius="e*")
+    kinds = {"inverse": "e**", "centre": "e*", "radius": "e*"}
+    got = fields(step, place, 0, rows=each(together("i", "i")), **kinds)
     table = []
-    for place in got.rows:
-        pairs = zip(*rows.row(*place), strict=True)
+    for number, (output, k) in enumerate(got.rows):
+        pairs = zip(*rows.row(output, k, f"{place}.rows[{number}]"), strict=True)
         table.append([iv.around(a - r, a + r) for a, r in pairs])
-    alike("box", got.inverse, got.centre, got.radius, range(rows.count))
-    alike("box", table, *got.inverse)
+    alike(place, got.inverse, got.centre, got.radius, range(rows.count))
+    alike(place, table, *got.inverse)
     given = got.inverse, table, got.centre, got.radius
     if any(not r > 0 for r in got.radius) or not contracts(*given):
-        raise NotProved("the left inverse of the rows does not give its box")
+        raise NotProved(f"{place}: the left inverse of the rows does not give its box")
     ball = list(zip(got.centre, got.radius, strict=True))
     return met(ends, [m - r for m, r in ball], [m + r for m, r in ball])
 
 
-def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_tree(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Enclose what linear programs prove on the parts that signs of parameters make."""
     found: list[Ends] = []
 
@@ -99,45 +102,51 @@ def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
         if node.split < 0:
             found.append(leaf(node, rows, part))
             return []
-        below([node.split], rows.count, "box.nodes.split")
+        below([node.split], rows.count, f"{node.where}.split")
         left, right = ([list(side) for side in part] for _ in range(2))
         move(left, node.split, 1, ZERO)
         move(right, node.split, 0, ZERO)
         return [left, right]
 
-    walk(item(step, "nodes", "box"), [ends], parts, split="i", rows="l", bounds="l")
+    kinds = {"rows": each(together("i", "i", "i", "e*")), "bounds": each(bound_of)}
+    walk(item(step, "nodes", place), f"{place}.nodes", [ends], parts, split="i", **kinds)
     return hull(found, rows.count)
+
+
+def bound_of(found: Any, n: int, place: str) -> Any:
+    """Read the multipliers of an end, or of rows that nothing satisfies."""
+    return fields(found, place, n, multipliers=MULTIPLIERS, empty="b")
 
 
 def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
     """Shrink a part by linear programs; an end without multipliers stays as it is."""
     p = rows.count
-    known = [given_row(row, rows, part) for row in node.rows]
+    places = (f"{node.where}.rows[{k}]" for k in range(len(node.rows)))
+    known = [given_row(row, rows, part, at) for row, at in zip(node.rows, places, strict=True)]
     known += bound_rows(*part)
     found = [list(side) for side in part]
     if len(node.bounds) not in (0, 1, 2 * p):
-        raise Malformed("box: not one bound for each end")
-    for place, given in enumerate(node.bounds):
-        pairs = items(item(given, "multipliers", "box"), "box")
-        if item(given, "empty", "box") is True:
-            combined(known, pairs, None)
+        raise Malformed(f"{node.where}.bounds: not one for each end")
+    for number, got in enumerate(node.bounds):
+        v, side = divmod(number, 2)
+        if got.empty:
+            combined(known, got.multipliers, None, got.where)
             return no_point(p)
-        if pairs:
-            move(found, *divmod(place, 2), combined(known, pairs, divmod(place, 2)))
+        if got.multipliers:
+            move(found, v, side, combined(known, got.multipliers, (v, side), got.where))
     return found
 
 
-def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
+def given_row(row: Any, rows: Regression, part: Ends, place: str = "box") -> list[Fraction]:
     """Derive a linear row a theta + b >= 0 from a record's row.
 
     What it exceeds w0 + W |theta| - s (Y + R theta) by is concave in each parameter, so that its
     least value over the part is at ends. Towards an infinite end it must not fall.
     """
-    *place, sign, slope = items(row, "box")
-    centre, radius = rows.row(*read(place, "i*", "box"))
-    a = read(slope, "e*", "box")
-    if len(a) != len(centre) or read(sign, "i", "box") not in (1, -1):
-        raise Malformed("box: a row of another length")
+    output, k, sign, a = row
+    centre, radius = rows.row(output, k, place)
+    if len(a) != len(centre) or sign not in (1, -1):
+        raise Malformed(f"{place}: a row of another length, or no sign")
     least: Any = a[-1] - radius[-1] + sign * centre[-1]
     for j in range(rows.count):
         rest = a[j] + sign * centre[j]
@@ -150,14 +159,15 @@ def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
                 values.append(rest * end - radius[j] * abs(end))
         least = -INF if -INF in values or least == -INF else least + min(values)
     if not least >= 0:
-        raise NotProved("a linear row does not follow from the record")
+        raise NotProved(f"{place}: the row does not follow from the record")
     return a
 
 
 def combined(
     rows: list[list[Any]],
-    pairs: list[Any],
+    multipliers: list[Any],
     goal: tuple[int, int] | None,
+    place: str = "multipliers",
     equal: set[int] | None = None,
 ) -> Any:
     """Bound x_v (goal v, 0) or -x_v (goal v, 1) by multipliers of rows.
@@ -165,17 +175,15 @@ def combined(
     Without a goal they prove that nothing satisfies the rows, and the bound is INF.
     """
     total = [ZERO] * len(rows[0])
-    for pair in pairs:
-        alike("multipliers", items(pair, "multipliers"), "ab")
-        place, value = read(pair[0], "i", "multipliers"), rational(pair[1], "multipliers")
-        if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
-            raise Malformed("multipliers: of a row that does not exist")
-        if value < 0 and place not in (equal or ()):
-            raise NotProved("a multiplier of an inequality is negative")
-        total = [a + value * b if b else a for a, b in zip(total, rows[place], strict=True)]
+    for number, (row, value) in enumerate(multipliers):
+        if not 0 <= row < len(rows) or rows[row][-1] in (INF, -INF):
+            raise Malformed(f"{place}[{number}]: of a row that does not exist")
+        if value < 0 and row not in (equal or ()):
+            raise NotProved(f"{place}[{number}]: that of an inequality is negative")
+        total = [a + value * b if b else a for a, b in zip(total, rows[row], strict=True)]
     wanted = [ZERO] * (len(total) - 1)
     if goal is not None:
         wanted[goal[0]] = Fraction(1 - 2 * goal[1])
     if total[:-1] != wanted or (goal is None and not total[-1] < 0):
-        raise NotProved("the multipliers of a linear program do not add up")
+        raise NotProved(f"{place}: they do not add up to the linear program's objective")
     return INF if goal is None else -total[-1]

@@ -22,9 +22,11 @@ from ..files.reading import (
     Problem,
     alike,
     below,
+    each,
     fields,
     item,
     kind_of,
+    read,
     times,
 )
 from ..result import NotProved
@@ -52,40 +54,45 @@ def proved_box(about: Any) -> tuple[Ends, list[str]]:
     """Prove the box of an identification; list what is taken as given."""
     if about.box is None:
         return [list(side) for side in about.given], []
-    stated = stated_ends(about.box, len(about.names))
-    steps, kind = fields(about.box, "box", 0, steps="l?").steps, item(about.box, "kind", "box")
+    place = f"{about.where}.box"
+    stated = stated_ends(about.box, len(about.names), place)
+    got = fields(about.box, place, 0, steps="l?", kind="t")
+    steps, kind = got.steps, got.kind
     if steps is None or about.structure is None:
         if kind not in KINDS:
-            raise Malformed(f"box.kind: {kind!r:.40} is not known")
+            raise Malformed(f"{place}.kind: {kind!r:.40} is not known")
         return stated, [f"the box of the parameters, a {kind} ({KINDS[kind]})"]
     ends = [list(side) for side in about.given]
     rows = Regression(about, [[(v,)] for v in range(1, len(about.names) + 1)])
-    for step in steps:
-        ends = kind_of(step, STEPS, "box.steps")(step, rows, ends)
+    for k, step in enumerate(steps):
+        at = f"{place}.steps[{k}]"
+        ends = kind_of(step, STEPS, at)(step, rows, ends, at)
     for v in outside(ends, stated):
-        raise NotProved(f"the box of {about.names[v]} does not follow")
+        raise NotProved(f"{place}: that of {about.names[v]} does not follow")
     return stated, []
 
 
-def stated_ends(found: Any, count: int) -> Ends:
+def stated_ends(found: Any, count: int, place: str) -> Ends:
     """Read the fields ``lower`` and ``upper`` of a box."""
-    got = fields(found, "box", 0, lower="F*", upper="F*")
-    alike("box.lower, box.upper", got.lower, got.upper, range(count))
+    got = fields(found, place, 0, lower="F*", upper="F*")
+    alike(f"{place}.lower, upper", got.lower, got.upper, range(count))
     return [got.lower, got.upper]
 
 
-def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_products(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Bound sums of products, and each factor by them."""
-    got, p = fields(step, "box", 0, columns="i***", steps="l"), rows.count
-    columns = [[word_of(m, p) for m in column] for column in got.columns]
+    p, kinds = rows.count, {"columns": each(each(word_of)), "steps": "l"}
+    got = fields(step, place, p, **kinds)
+    columns = got.columns
     every = [monomial for column in columns for monomial in column]
     if len(set(every)) < len(every) or not all(columns):
-        raise Malformed("box.columns: a product that stands twice, or a column of none")
+        raise Malformed(f"{place}.columns: a product that stands twice, or a column of none")
     box = intervals(ends)
     found = rationals([total(column, box) for column in columns])
     lifted = Regression(rows.about, columns)
-    for inner in got.steps:
-        found = kind_of(inner, ONE_BY_ONE, "box.steps")(inner, lifted, found)
+    for k, inner in enumerate(got.steps):
+        at = f"{place}.steps[{k}]"
+        found = kind_of(inner, ONE_BY_ONE, at)(inner, lifted, found, at)
     if nothing(found):
         return no_point(p)
     pairs = list(zip(columns, intervals(found), strict=True))
@@ -101,12 +108,12 @@ def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
     return rationals(box)
 
 
-def word_of(found: list[int], p: int) -> Word:
-    """Read a product of parameters, which a file numbers from 0."""
-    below(found, p, "box.columns")
-    if not found:
-        raise Malformed("box.columns: a product of nothing")
-    return tuple(sorted(v + 1 for v in found))
+def word_of(found: Any, p: int, place: str) -> Word:
+    """Read a product of p parameters, which a file numbers from 0."""
+    below(factors := read(found, "i*", place), p, place)
+    if not factors:
+        raise Malformed(f"{place}: a product of nothing")
+    return tuple(sorted(v + 1 for v in factors))
 
 
 def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
@@ -197,60 +204,66 @@ def settle(
             box[v - 1] = iv.met(box[v - 1], iv.quotient(own, others))
 
 
-def by_directions(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_directions(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Prove |theta_i| <= c_i / least by the bounds of s on all sides.
 
     1 / s is the largest of |theta_i| / c_i, so that with phi = s theta / c every consistent theta
     lies on a side phi_i = 1 or -1 of a cube. Each row is multiplied by s.
     """
-    got, p = fields(step, "box", 0, scale="e*", sides="l"), rows.count
-    assumed, scale = stated_ends(step, p), got.scale
-    alike("box: Directions", scale, range(p))
-    alike("box.sides", got.sides, range(2 * p))
+    got, p = fields(step, place, 0, scale="e*", sides="l"), rows.count
+    assumed, scale = stated_ends(step, p, place), got.scale
+    alike(f"{place}.scale", scale, range(p))
+    alike(f"{place}.sides", got.sides, range(2 * p))
     if any(not c > 0 for c in scale):
-        raise Malformed("box.scale: not positive")
+        raise Malformed(f"{place}.scale: not positive")
     if outside(ends, assumed):
-        raise NotProved("bounds of directions are about a smaller box")
+        raise NotProved(f"{place}: bounds of directions are about a smaller box")
     least: Any = LARGEST
-    for place, side in enumerate(got.sides):
-        problem, size = cube_side(rows.about, side, scale, assumed, divmod(place, 2))
-        certificates = Certificates(item(side, "certificate", "box.sides"), problem, "box.sides")
+    for k, side in enumerate(got.sides):
+        at = f"{place}.sides[{k}]"
+        problem, size = cube_side(rows.about, side, scale, assumed, divmod(k, 2), at)
+        certificates = Certificates(item(side, "certificate", at), problem, f"{at}.certificate")
         proved, why = certificates.prove()
         if proved < certificates.claim:
-            raise NotProved(f"a bound of directions: {'; '.join(dict.fromkeys(why))}")
+            raise NotProved(f"{at}: {'; '.join(dict.fromkeys(why))}")
         least = min(least, times(certificates.claim, size))
     if not least > 0:
-        raise NotProved("directions without a bound")
+        raise NotProved(f"{place}: directions without a bound")
     return met(ends, [-c / least for c in scale], [c / least for c in scale])
 
 
 def cube_side(
-    about: Any, side: Any, scale: list[Fraction], assumed: Ends, which: tuple[int, int]
+    about: Any,
+    side: Any,
+    scale: list[Fraction],
+    assumed: Ends,
+    which: tuple[int, int],
+    place: str = "box",
 ) -> tuple[Problem, Fraction]:
     """Minimise s where phi_i is 1 (which = i, 0) or -1, in the units of the file; that of s.
 
     The unknowns are phi, those of the problem that are no parameters, and s.
     """
-    got = fields(side, "box.sides", 0, rows="i*", units="u*", factors="e*")
+    got = fields(side, place, 0, rows="i*", units="u*", factors="e*")
     given, p, n = about.problem, len(scale), about.problem.dimension
     units, factors, rows = got.units, got.factors, []
-    alike("box.sides.units", units, range(n + 1))
-    below(got.rows, len(given.constraints), "box.sides.rows")
+    alike(f"{place}.units", units, range(n + 1))
+    below(got.rows, len(given.constraints), f"{place}.rows")
     for c in (given.constraints[place] for place in got.rows):
         terms = {}
         for word, value in about.unscaled(c).items():
             heads = [v for v in word if v <= p]
             if len(heads) > 1 or c.side:
-                raise Malformed("box.sides: a row that is not linear in the parameters")
+                raise Malformed(f"{place}.rows: one is not linear in the parameters")
             terms[word if heads else (*word, n + 1)] = value * (scale[heads[0] - 1] if heads else 1)
         rows.append((c.kind, terms))
     for v in range(p):
         for end, sign in ((assumed[0][v], 1), (assumed[1][v], -1)):
             if end not in (INF, -INF):  # sign * (theta_v - end) >= 0, times s
                 rows.append(("NONNEGATIVE", {(v + 1,): sign * scale[v], (n + 1,): -sign * end}))
-    alike("box.sides.factors", factors, rows)
+    alike(f"{place}.factors", factors, rows)
     if any(not v > 0 for v in factors):
-        raise Malformed("box.sides.factors: not positive")
+        raise Malformed(f"{place}.factors: not positive")
     constraints = [
         Constraint(kind, in_units(terms, units, factor))
         for (kind, terms), factor in zip(rows, factors, strict=True)
@@ -279,7 +292,7 @@ def in_units(terms: dict[Word, Fraction], units: list[Fraction], factor: Fractio
     return Polynomial.of(list(terms), values)
 
 
-Step = Callable[[Any, Regression, Ends], Ends]
+Step = Callable[[Any, Regression, Ends, str], Ends]
 ONE_BY_ONE: dict[str, Step] = {"LeftInverse": by_inverse, "SignTree": by_tree}
 STEPS = ONE_BY_ONE | {
     "Products": by_products,

@@ -10,13 +10,25 @@ from ..arithmetic import interval as iv
 from ..arithmetic.interval import Interval
 from ..arithmetic.polynomial import INF, Terms, add_terms
 from ..certificates.certificate import Certificates
-from ..certificates.point import ProvedPoint, at_point, infeasible
-from ..files.reading import Constraint, Malformed, alike, fields, item, items, problem, read, times
+from ..certificates.point import ProvedPoint, at_point, falls, infeasible
+from ..files.reading import (
+    Constraint,
+    Malformed,
+    alike,
+    below,
+    each,
+    fields,
+    item,
+    perhaps,
+    problem,
+    times,
+    together,
+)
 from ..result import NotProved, shown
 from .box import Ends, move, nothing
 from .driven import bounded_by
 from .fewer_priors import bounded_with_fewer
-from .linear_rows import bound_rows, combined
+from .linear_rows import MULTIPLIERS, bound_rows, combined
 from .parameter_box import proved_box
 from .stability import in_disc
 from .structure import ZERO, Record, Structure
@@ -25,31 +37,48 @@ LIFTED = "lifted"  # the group of unknowns that stand for polynomials in the par
 GROUPS = {"eta": "output", "xi": "input", "e": "equation"}
 
 
+def interval_of(found: Any, n: int, place: str) -> Any:
+    """Read what is claimed of a parameter."""
+    pair = together("F", "F")
+    return fields(found, place, n, name="t", outer=pair, inner=perhaps(pair))
+
+
+def linear_of(found: Any, n: int, place: str) -> Any:
+    """Read the solution of a linear program."""
+    kinds = {"status": "t", "multipliers": MULTIPLIERS, "vertex": "q*?", "ray": "q*?"}
+    return fields(found, place, n, **kinds)
+
+
+KINDS = {
+    "parameters": "t*",
+    "variables": each(together("t", "i", "i")),
+    "units": "u*",
+    "rows": each(perhaps(together("t", "i"))),
+    "given": together("F*", "F*"),
+    "linear": each(linear_of),
+    "assumptions": "t*",
+    "ends": "l",
+    "intervals": each(interval_of),
+}
+
+
 class Identification:
     """An identification as a file states it, with what was found of it on the way."""
 
-    def __init__(self, found: Any) -> None:
-        kinds = {"parameters": "t*", "variables": "l", "units": "u*", "rows": "l", "given": "F**"}
-        kinds |= {"linear": "l", "assumptions": "t*", "ends": "l", "intervals": "l"}
-        self.got = fields(found, "file", 0, **kinds)
+    def __init__(self, found: Any, where: str = "identification") -> None:
+        self.got, self.where = fields(found, where, 0, **KINDS), where
         self.record = Record(found)
-        self.problem = problem(item(found, "problem", "file"))
+        self.problem = problem(item(found, "problem", where), f"{where}.problem")
         self.names, self.units, self.given = self.got.parameters, self.got.units, self.got.given
-        self.box = item(found, "box", "file")
-        n, p = self.problem.dimension, len(self.names)
-        if len(self.units) != n or len(self.got.variables) != n or len(set(self.names)) != p:
-            raise Malformed("units, variables: not one for each unknown, or a name twice")
-        if len(self.given) != 2 or any(len(ends) != p for ends in self.given):
-            raise Malformed("given: not two ends for each parameter")
-        if INF in self.given[0] or -INF in self.given[1]:
-            raise Malformed("given: an infinite end on the other side")
-        if max(len(self.got.ends), len(self.got.linear)) > 2 * p:
-            raise Malformed("ends, linear: more than two for each parameter")
+        self.box = item(found, "box", where)
+        self._check_sizes()
         self._number()
-        self.structure = self._stated(item(found, "structure", "file"))
-        self.driven = _inside(found, "driven", ("driven", "fewer_priors"))
-        self.fewer = _inside(found, "fewer_priors", ("fewer_priors",))
+        self.structure = self._stated(item(found, "structure", where))
+        self.driven = _inside(found, where, "driven", ("driven", "fewer_priors"))
+        self.fewer = _inside(found, where, "fewer_priors", ("fewer_priors",))
         self.taken: list[str] = []  # what is not checked
+        self.weak: list[str] = []  # certificates that prove less than they claim
+        self.endless: set[tuple[int, int]] = set()  # parameters and sides of rays
         self.stated: list[str] = []  # rows that are part of the question
         self.stable: set[int] = set()  # outputs whose poles are said to lie in the closed unit disc
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
@@ -61,40 +90,63 @@ class Identification:
         self.ranges: dict[tuple[str, int, int], Interval] = {}  # of missing samples
         self.asked: set[Any] = set()  # rows that are part of the question, in units of the record
 
+    def _check_sizes(self) -> None:
+        """Refuse lists that are not one for each unknown, parameter or constraint."""
+        got, n, p = self.got, self.problem.dimension, len(self.names)
+        sizes = {"units": n, "variables": n, "rows": len(self.problem.constraints)}
+        for name, size in sizes.items():
+            if len(getattr(got, name)) != size:
+                count = len(getattr(got, name))
+                raise Malformed(f"{self.where}.{name}: {count} entries, not {size}")
+        if len(set(self.names)) < p:
+            raise Malformed(f"{self.where}.parameters: a name twice")
+        for side, (ends, other) in enumerate(zip(self.given, (INF, -INF), strict=True)):
+            if len(ends) != p or other in ends:
+                place = f"{self.where}.given[{side}]"
+                raise Malformed(f"{place}: not an end for each parameter, on its side")
+        for name in ("ends", "linear"):
+            if len(getattr(got, name)) > 2 * p:
+                raise Malformed(f"{self.where}.{name}: more than two for each parameter")
+
     def _number(self) -> None:
         """Number the unknowns: parameters first, then samples."""
         self.labels: list[str] = []
         self.keys: list[tuple[str, int, int]] = []  # group, channel and sample
-        for k, triple in enumerate(self.got.variables):
-            group, channel, place = items(triple, "variables")
-            key = read(group, "t", "variables"), *read([channel, place], "i*", "variables")
-            first = k < len(self.names)
+        for k, (group, channel, place) in enumerate(self.got.variables):
+            key, first, at = (group, channel, place), k < len(self.names), self.where
             if (group == "theta") != first or (first and place != k) or key in self.record.letters:
-                raise Malformed("variables: parameters come first, and each unknown stands once")
+                why = "parameters come first, and each unknown stands once"
+                raise Malformed(f"{at}.variables[{k}]: {why}")
+            if group in GROUPS or group in ("y", "u"):  # y and u from 1, samples from 0
+                tables = {"y": self.record.y, "u": self.record.u} | {
+                    name: self.record.bounds[kind] for name, kind in GROUPS.items()
+                }
+                below([channel - 1], len(tables[group]), f"{at}.variables[{k}]: channel")
+                below([place], self.record.samples, f"{at}.variables[{k}]: sample")
             self.record.letters[key] = k + 1
             self.keys.append(key)
             label = f"{group}{channel or ''}[{place + 1}]"
             self.labels.append(self.names[k] if first else label)
         if len(set(self.labels)) < len(self.labels):
-            raise Malformed("variables: two unknowns of one name")
+            raise Malformed(f"{self.where}.variables: two unknowns of one name")
 
     def _stated(self, stated: Any) -> Structure | None:
         """The structure, if it is one whose rows are built here."""
-        self.told = read(item(stated, "is", "structure"), "t", "structure")
+        place = f"{self.where}.structure"
+        self.told = fields(stated, place, 0, **{"is": "t"}).__dict__["is"]
         if self.told != "TransferFunction":
-            self.told = read(item(stated, "text", "structure"), "t", "structure")
+            self.told = fields(stated, place, 0, text="t").text
             return None
-        found = Structure(stated, len(self.record.u), len(self.record.y))
+        channels = len(self.record.u), len(self.record.y)
+        found = Structure(stated, *channels, len(self.names), place)
         if found.parameters != self.names:
-            raise Malformed("parameters: not those of the structure")
+            raise Malformed(f"{self.where}.parameters: not those of the structure")
         return found
 
     # ---- rows -----------------------------------------------------------------------------
 
     def check_rows(self) -> None:
         """Check that every row follows from the record, the structure and the noise."""
-        if len(self.got.rows) != len(self.problem.constraints):
-            raise Malformed("rows: not one origin for each constraint")
         if self.structure is None:
             self.taken.append(f"the rows, which are said to be those of {self.told}")
             self._check_noise()
@@ -103,17 +155,19 @@ class Identification:
         pairs = list(zip(self.got.rows, self.problem.constraints, strict=True))
         self._define(pairs)
         for place, (origin, c) in enumerate(pairs):
-            if origin is None or origin[:1] == [LIFTED]:
+            if origin is None or origin[0] == LIFTED:
                 continue
-            name, k = items(origin, "rows")
-            if not 0 <= read(k, "i", "rows") < self.record.samples:
-                raise Malformed(f"rows[{place}]: no such sample")
-            why = self._differs(read(name, "t", "rows"), k, c)
+            name, k = origin
+            if not 0 <= k < self.record.samples:
+                raise Malformed(f"{self.where}.rows[{place}]: no such sample")
+            why = self._differs(name, k, c)
             if why:
-                raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
+                row = f"{self.where}.rows[{place}], {name} at sample {k + 1}"
+                raise NotProved(f"{row}: {why}")
         given = [c for origin, c in pairs if origin is None]
         if any(v in self.lifted for c in given for word in c.polynomial.terms for v in word):
-            raise NotProved("a row that is given speaks of an unknown that another one defines")
+            why = "a row that is given speaks of an unknown that another one defines"
+            raise NotProved(f"{self.where}.rows: {why}")
         self.stated = [f"given: {self._shown(c)}" for c in given]
         self.asked = {self._named(c) for c in given}
         both = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
@@ -128,15 +182,15 @@ class Identification:
         """
         self.lifted: dict[int, Terms] = {}
         for place, (origin, c) in enumerate(pairs):
-            if origin is None or items(origin, "rows")[:1] != [LIFTED]:
+            if origin is None or origin[0] != LIFTED:
                 continue
-            _, number = items(origin, "rows")
-            letter = self.record.letters.get((LIFTED, 0, read(number, "i", "rows")), 0)
+            letter = self.record.letters.get((LIFTED, 0, origin[1]), 0)
             stated = self._in_parameters(self.unscaled(c))
             own = stated.pop((letter,), ZERO)
             others = any(v > len(self.names) for word in stated for v in word)
             if not own or others or not c.equality or c.side:
-                raise NotProved(f"row {place} does not define an unknown by the parameters")
+                why = "the row does not define an unknown by the parameters"
+                raise NotProved(f"{self.where}.rows[{place}]: {why}")
             self.lifted[letter] = {word: -value / own for word, value in stated.items()}
 
     def _in_parameters(self, stated: Terms) -> Terms:
@@ -176,7 +230,7 @@ class Identification:
     def _shown(self, c: Constraint) -> str:
         """A row of a prior or a set of noise, in the units of the record."""
         if c.side:
-            raise Malformed("rows: a prior that is a matrix")
+            raise Malformed(f"{self.where}.problem: a prior that is a matrix")
         parts = []
         for word, value in sorted(self.unscaled(c).items(), key=lambda t: (len(t[0]), t[0])):
             names = [self.labels[v - 1] for v in word]
@@ -267,7 +321,8 @@ class Identification:
         elif group in ("y", "u"):
             known = iv.exactly(self._known(group, channel, k))
         if low > known[0] or high < known[1]:
-            raise NotProved(f"the bounds of {group}{channel}[{k + 1}] do not follow")
+            place = f"{self.where}.problem.lower, upper"
+            raise NotProved(f"{place}: those of {group}{channel}[{k + 1}] do not follow")
         if group in ("y", "u"):  # what an equation implies holds with its row
             known = self.record.range(group, channel - 1) or (low, high)
             self.whole &= low >= known[0] and high <= known[1]
@@ -328,16 +383,17 @@ class Identification:
             least, most = max(box[0][v], self.given[0][v]), min(box[1][v], self.given[1][v])
             if not empty and not (low <= least and most <= high):
                 if v + 1 in used:
-                    raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
+                    what = f"the problem leaves out values of {self.names[v]} that may be"
+                    raise NotProved(f"{self.where}.problem.lower, upper: {what}")
                 self.chosen.add(v)
             self.whole &= low >= self.given[0][v] and high <= self.given[1][v]
         points = self._ends(box) + self._linear(box)
         self.empty = empty = empty or nothing(box)
         lines = self._asked()
+        if len(self.got.intervals) != len(self.names):
+            raise Malformed(f"{self.where}.intervals: not one for each parameter")
         for v, stated in enumerate(self.got.intervals):
             lines += self._interval(v, stated, box, points, empty)
-        if len(self.got.intervals) != len(self.names):
-            raise Malformed("intervals: not one for each parameter")
         return [*lines, "proved: no parameters explain the record"] if empty else lines
 
     def _move(self, box: Ends, v: int, side: int, least: Any) -> None:
@@ -355,15 +411,19 @@ class Identification:
         for place, end in enumerate(self.got.ends):
             v, side = divmod(place, 2)
             about = self.problem.about(v, 1 - 2 * side)
-            given = item(end, "certificate", "ends")
+            at = f"{self.where}.ends[{place}]"
+            given = item(end, "certificate", at)
             if given is not None:
-                certificates = Certificates(given, about, "ends.certificate")
-                least = min(certificates.claim, certificates.prove()[0])
+                certificates = Certificates(given, about, f"{at}.certificate")
+                least, why = certificates.prove()
+                if least < certificates.claim:
+                    self.weak += [f"{at}.certificate: {'; '.join(dict.fromkeys(why))}"]
+                least = min(certificates.claim, least)
                 self._move(box, v, side, times(least, self.units[v]))
-            if item(end, "attained", "ends") is not None:
-                point = ProvedPoint(end["attained"], about, "ends.attained")
+            if item(end, "attained", at) is not None:
+                point = ProvedPoint(end["attained"], about, f"{at}.attained")
                 if reason := point.fails():
-                    raise NotProved(f"an attained point of {self.names[v]}: {reason}")
+                    raise NotProved(f"{at}.attained, a point of {self.names[v]}: {reason}")
                 points.append(point)
         return points
 
@@ -372,24 +432,31 @@ class Identification:
         n, points, rows = self.problem.dimension, [], []
         for c in self.problem.constraints if self.got.linear else ():
             if (row := c.polynomial.linear(n)) is None:
-                raise Malformed("linear: a row that is not linear")
+                raise Malformed(f"{self.where}.linear: of a row that is not linear")
             rows.append(row)
         equal = {k for k, c in enumerate(self.problem.constraints) if c.equality}
         rows += bound_rows(self.problem.lower, self.problem.upper)
-        for place, given in enumerate(self.got.linear):
-            v, side = divmod(place, 2)
-            status = item(given, "status", "linear")
-            if status != "UNBOUNDED":
-                pairs = items(item(given, "multipliers", "linear"), "linear")
-                least = combined(rows, pairs, None if status == "INFEASIBLE" else (v, side), equal)
-                self._move(box, v, side, least)
-            if item(given, "vertex", "linear") is not None:
-                x = read(given["vertex"], "q*", "linear")
-                alike("linear.vertex", x, range(n))
-                if reason := infeasible(self.problem, *at_point(x)):
-                    raise NotProved(f"a vertex is not feasible ({reason})")
-                points.append(SimpleNamespace(x=x, radius=ZERO))
+        for place, got in enumerate(self.got.linear):
+            (v, side), at = divmod(place, 2), got.where
+            if got.status != "UNBOUNDED":
+                goal = None if got.status == "INFEASIBLE" else (v, side)
+                self._move(box, v, side, combined(rows, got.multipliers, goal, at, equal))
+            if got.vertex is not None:
+                alike(f"{at}.vertex", got.vertex, range(n))
+                if reason := infeasible(self.problem, *at_point(got.vertex)):
+                    raise NotProved(f"{at}.vertex: it is not feasible ({reason})")
+                points.append(SimpleNamespace(x=got.vertex, radius=ZERO))
+            if got.ray is not None:
+                self._follow(got, v, side, at)
         return points
+
+    def _follow(self, got: Any, v: int, side: int, place: str) -> None:
+        """Check a ray from a vertex, along which a parameter passes every number."""
+        alike(f"{place}.ray", got.ray, range(self.problem.dimension))
+        about = self.problem.about(v, 1 - 2 * side)
+        if got.vertex is None or not falls(about, got.vertex, got.ray):
+            raise NotProved(f"{place}.ray: {self.names[v]} does not pass every number along it")
+        self.endless.add((v, side))
 
     def _asked(self) -> list[str]:
         """List what the intervals rest on, for people."""
@@ -458,41 +525,61 @@ class Identification:
         self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool
     ) -> list[str]:
         """Write what is proved of one parameter."""
-        name = self.names[v]
-        if item(stated, "name", "intervals") != name:
-            raise Malformed("intervals: not in the order of the parameters")
-        low, high = read(item(stated, "outer", "intervals"), "F*", name)
+        name, (low, high) = self.names[v], stated.outer
+        if stated.name != name:
+            raise Malformed(f"{stated.where}.name: not in the order of the parameters")
         if low > high and not empty:
-            raise NotProved("it is not proved that no parameters are consistent")
+            raise NotProved(f"{stated.where}.outer: parameters may be consistent{self._why()}")
         if empty:
             return []
         if low > box[0][v] or high < box[1][v]:
             best = f"[{shown(box[0][v])}, {shown(box[1][v])}]"
-            raise NotProved(f"{name} in [{shown(low)}, {shown(high)}]: only {best} is proved")
+            claim = f"{name} in [{shown(low)}, {shown(high)}]: only {best} is proved"
+            raise NotProved(f"{stated.where}.outer: {claim}{self._why()}")
         line = f"proved: {name} in [{shown(low)}, {shown(high)}]"
-        inner = item(stated, "inner", "intervals")
-        if inner is None or not points or not self.whole:
-            return [line]
+        return [line] if stated.inner is None else self._attained(v, stated, points, line)
+
+    def _why(self) -> str:
+        """Say which certificates prove less than they claim."""
+        return f" ({'; '.join(self.weak)})" if self.weak else ""
+
+    def _attained(self, v: int, stated: Any, points: list[Any], line: str) -> list[str]:
+        """Write what is attained of one parameter; raise where the file says more."""
+        (a, b), place = stated.inner, f"{stated.where}.inner"
+        open_ends = [a == -INF == stated.outer[0], b == INF == stated.outer[1]]
+        open_ends = [is_ and (v, k) not in self.endless for k, is_ in enumerate(open_ends)]
+        if all(open_ends):
+            return [line, self._unbounded(v)]
+        if not points or not self.whole:
+            raise NotProved(f"{place}: no point is shown to explain the record")
         if not all(self._is_stable(point) for point in points):
-            return [f"{line}; of what is attained it is not shown that the poles are as given"]
-        a, b = read(inner, "F*", name)
+            raise NotProved(f"{place}: it is not shown that the poles are as given")
         least = min(p.x[v] + p.radius for p in points) * self.units[v]
         most = max(p.x[v] - p.radius for p in points) * self.units[v]
         if self.problem.lower[v] == self.problem.upper[v]:
             least = most = self.problem.lower[v] * self.units[v]
-        if a < least or b > most:
-            return [f"{line}; attained is less than the file says"]
-        return [f"{line}, attained from {shown(a)} to {shown(b)}"]
+        least = -INF if (v, 0) in self.endless else least
+        most = INF if (v, 1) in self.endless else most
+        if (a < least and not open_ends[0]) or (b > most and not open_ends[1]):
+            best = f"[{shown(least)}, {shown(most)}]"
+            claim = f"attained from {shown(a)} to {shown(b)}"
+            raise NotProved(f"{place}: {claim}, but only {best} is")
+        line = f"{line}, attained from {shown(a)} to {shown(b)}"
+        return [line, self._unbounded(v)] if any(open_ends) else [line]
+
+    def _unbounded(self, v: int) -> str:
+        """Say what files hold no proof of."""
+        return f"taken as given: that the record does not bound {self.names[v]}"
 
 
-def _inside(found: Any, field: str, without: tuple[str, ...]) -> Identification | None:
+def _inside(found: Any, where: str, field: str, without: tuple[str, ...]) -> Identification | None:
     """Read an identification of the same record inside of another one; None where there is none."""
-    given = found.get(field)
+    given, place = found.get(field), f"{where}.{field}"
     if given is None:
         return None
     if not isinstance(given, dict):
-        raise Malformed(f"{field}: no object")
+        raise Malformed(f"{place}: no object")
     if any(given.get(name) is not None for name in without):
-        raise Malformed(f"{field}: an identification inside of it")
-    shared = {name: item(found, name, "file") for name in ("record", "noise")}
-    return Identification({**given, **shared})
+        raise Malformed(f"{place}: an identification inside of it")
+    shared = {name: item(found, name, where) for name in ("record", "noise")}
+    return Identification({**given, **shared}, place)

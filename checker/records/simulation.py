@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic.polynomial import INF
-from ..files.reading import Malformed, alike, below, fields, items, read, text
+from ..files.reading import Malformed, alike, below, each, fields, together
 from ..result import NotProved
 from .box import Ends, dot, hull, walk
 from .linear_rows import Regression
@@ -99,13 +99,13 @@ class Region:
 class Simulation:
     """The equations of a record in the order in which they give its signals."""
 
-    def __init__(self, about: Any, rows: Regression) -> None:
-        self.about, self.regression = about, rows
+    def __init__(self, about: Any, rows: Regression, where: str = "box") -> None:
+        self.about, self.regression, self.where = about, rows, where
         record, structure = about.record, about.structure
         quiet = not any(v for name in ("input", "equation") for c in record.bounds[name] for v in c)
         gaps = record.u if structure.zero else [*record.u, *record.y]
         if not quiet or len(record.starts) > 1 or any(None in column for column in gaps):
-            raise NotProved("a simulation of a record that is none")
+            raise NotProved(f"{where}: a simulation of a record that is none")
         self.equations = {name: structure.equation(name) for name in structure.equations}
         self.places = {name: place for place, name in enumerate(about.names)}
         self.past: dict[str, range] = {}  # samples of outputs that are unknowns
@@ -113,7 +113,7 @@ class Simulation:
             own = [term.lag for term in terms if term.signal == name]
             begin = 0 if structure.zero else max(term.lag for term in terms)
             if name[0] == "z" and not structure.zero:
-                raise NotProved("a simulation with partial outputs that do not begin at rest")
+                raise NotProved(f"{where}: partial outputs that do not begin at rest")
             self.past[name] = range(begin - max(own) if begin else 0, begin)
         self.unknowns = [(name, k) for name, samples in self.past.items() for k in samples]
 
@@ -121,27 +121,27 @@ class Simulation:
         """Read the box of x: parameters, then first samples as they were read."""
         box = [list(zip(*ends, strict=True)), []]
         for name, k in self.unknowns:
-            y, bound = self.reading(int(name[1:]) - 1, k)
+            y, bound = self.reading(int(name[1:]) - 1, k, self.where)
             box[1].append((y - bound, y + bound))
         pairs = box[0] + box[1]
         if any(end in (INF, -INF) for pair in pairs for end in pair):
-            raise NotProved("a simulation over parameters that are not bounded")
+            raise NotProved(f"{self.where}: a simulation over parameters that are not bounded")
         return [[down(a) for a, _ in pairs], [-down(-b) for _, b in pairs]]
 
-    def reading(self, channel: int, k: int) -> tuple[Fraction, Fraction]:
+    def reading(self, channel: int, k: int, place: str) -> tuple[Fraction, Fraction]:
         """Take a sample of an output as read, with the bound of its noise."""
         record = self.about.record
-        below([channel], len(record.y), "box: outputs")
-        below([k], record.samples, "box: samples")
+        below([channel], len(record.y), f"{place}: output")
+        below([k], record.samples, f"{place}: sample")
         if record.y[channel][k] is None:
-            raise NotProved("a sample that was not read")
+            raise NotProved(f"{place}: a sample that was not read")
         return record.y[channel][k], record.bounds["output"][channel][k]
 
     def run(self, region: Region, last: int) -> dict[str, dict[int, Form]]:
         """Compute all signals until some sample, as forms over a region."""
         record = self.about.record
         known = {f"u{j}": column for j, column in enumerate(record.u, 1)}
-        below([last], record.samples, "box: samples")
+        below([last], record.samples, f"{self.where}: sample")
         signals = {
             name: {k: region.number(v) for k, v in enumerate(column[: last + 1])}
             for name, column in known.items()
@@ -185,55 +185,55 @@ class Simulation:
         return found
 
     def row(
-        self, given: tuple[str, int, int, int], region: Region, signals: Any
+        self, given: Any, region: Region, signals: Any, place: str = "box.rows"
     ) -> tuple[list[int], int]:
         """Write a row slopes x <= right for every consistent x in the region."""
         kind, number, k, sign = given
         if kind == "output":
-            return self._read(number, k, sign, region, signals)
+            return self._read(number, k, sign, region, signals, place)
         if kind == "direction":
-            below([number], len(region.rows), "box.rows")
+            below([number], len(region.rows), place)
             right = region.most[number] if sign > 0 else -region.least[number]
             return [sign * g for g in region.rows[number]], right
         if kind == "given":
-            slopes, constant = self._given(number, sign)
+            slopes, constant = self._given(number, sign, place)
         elif kind == "record":
-            slopes, constant = self._chords(number, k, sign, region)
+            slopes, constant = self._chords(number, k, sign, region, place)
         else:
-            raise Malformed("box.rows: of an unknown kind")
+            raise Malformed(f"{place}: of an unknown kind")
         slopes += [Fraction(0)] * len(self.unknowns)
         size = sum(max(abs(a), abs(b)) for a, b in zip(region.low, region.high, strict=True))
         return [down(g) for g in slopes], -down(-constant) + up(size)
 
     def _read(
-        self, number: int, k: int, sign: int, region: Region, signals: Any
+        self, number: int, k: int, sign: int, region: Region, signals: Any, place: str
     ) -> tuple[list[int], int]:
         """A reading from above (1) or below (-1)."""
-        y, bound = self.reading(number - 1, k)
+        y, bound = self.reading(number - 1, k, place)
         form = signals[f"y{number}"].get(k)
         if form is None:
-            raise Malformed("box.rows: a sample that no equation speaks of")
+            raise Malformed(f"{place}: a sample that no equation speaks of")
         slope = [sign * g for g in form.slope]
         right = -down(-(sign * y + bound)) - sign * form.value + form.rest
         return slope, right + up(dot(slope, region.middle))
 
-    def _given(self, number: int, sign: int) -> tuple[list[Fraction], Fraction]:
+    def _given(self, number: int, sign: int, place: str) -> tuple[list[Fraction], Fraction]:
         """A constraint of the problem that is linear in the parameters alone."""
         constraints, units = self.about.problem.constraints, self.about.units
-        below([number], len(constraints), "box.rows")
+        below([number], len(constraints), place)
         c = constraints[number]
         row = c.polynomial.linear(len(self.places))
         if c.side or row is None or (sign < 0 and not c.equality):
-            raise NotProved("a row that is not linear in the parameters alone")
+            raise NotProved(f"{place}: a row that is not linear in the parameters alone")
         *slopes, constant = row
         slopes = [-sign * slope / unit for slope, unit in zip(slopes, units, strict=False)]
         return slopes, sign * constant
 
     def _chords(
-        self, output: int, k: int, sign: int, region: Region
+        self, output: int, k: int, sign: int, region: Region, place: str
     ) -> tuple[list[Fraction], Fraction]:
         """|Y + R theta| <= w0 + W |theta|, |theta| replaced by its chord over the region."""
-        centre, radius = self.regression.row(output, k)
+        centre, radius = self.regression.row(output, k, place)
         slopes, right = [], radius[-1] - sign * centre[-1]
         for v in range(len(self.places)):
             a, b = region.low[v], region.high[v]
@@ -257,15 +257,15 @@ def _response(poles: list[tuple[int, Form]], samples: int) -> list[int]:
     return found
 
 
-def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
+def by_simulation(step: Any, rows: Regression, ends: Ends, place: str = "box") -> Ends:
     """Enclose what multipliers leave of the regions of a tree."""
-    about, p = Simulation(rows.about, rows), rows.count
-    got = fields(step, "box", 0, directions="f**", shares="f**", nodes="l")
+    about, p = Simulation(rows.about, rows, place), rows.count
+    got = fields(step, place, 0, directions="f**", shares="f**", nodes="l")
     tables = [[list(map(down, line)) for line in table] for table in (got.directions, got.shares)]
     box = about.root(ends)
-    alike("box.shares", tables[1], box[0])
-    alike("box.directions", *tables[0], box[0])
-    alike("box.shares", *tables[1], tables[0])
+    alike(f"{place}.shares", tables[1], box[0])
+    alike(f"{place}.directions", *tables[0], box[0])
+    alike(f"{place}.shares", *tables[1], tables[0])
     reach: list[list[int]] = [[], []]
     for row in tables[0]:
         pairs = [sorted((g * a, g * b)) for g, a, b in zip(row, *box, strict=True)]
@@ -274,21 +274,23 @@ def by_simulation(step: Any, rows: Regression, ends: Ends) -> Ends:
     found: list[Ends] = []
 
     def parts(_: int, node: Any, region: Region) -> list[Region]:
-        for inner in node.steps:
-            region = region if region.empty else tightened(inner, about, region)
+        for k, inner in enumerate(node.steps):
+            at = f"{node.where}.steps[{k}]"
+            region = region if region.empty else tightened(inner, about, region, at)
         if region.empty:
             return []
         if not node.children:
             sides = region.low[:p], region.high[:p]
             found.append([[Fraction(v, ONE) for v in side] for side in sides])
             return []
-        low, high, at = region.low + region.least, region.high + region.most, down(node.at)
-        below([node.split], len(low), "box.split")
+        low, high, cut = region.low + region.least, region.high + region.most, down(node.at)
+        below([v := node.split], len(low), f"{node.where}.split")
         first, second = list(high), list(low)
-        first[node.split], second[node.split] = min(at, first[node.split]), max(at, low[node.split])
+        first[v], second[v] = min(cut, first[v]), max(cut, low[v])
         return [moved(region, low, first), moved(region, second, high)]
 
-    walk(got.nodes, [Region(box, reach, *tables)], parts, steps="l", split="i", at="f")
+    firsts, kinds = [Region(box, reach, *tables)], {"steps": "l", "split": "i", "at": "f"}
+    walk(got.nodes, f"{place}.nodes", firsts, parts, **kinds)
     return hull(found, p)
 
 
@@ -298,30 +300,30 @@ def moved(region: Region, low: list[int], high: list[int]) -> Region:
     return Region([low[:d], high[:d]], [low[d:], high[d:]], region.rows, region.shares)
 
 
-def named(found: Any) -> tuple[str, int, int, int]:
+def named(found: Any, n: int, place: str) -> list[Any]:
     """Read the kind of a row, two numbers, and a sign."""
-    kind, *numbers = items(found, "box.rows")
-    number, k, sign = read(numbers, "i*", "box.rows")
+    kind, number, k, sign = together("t", "i", "i", "i")(found, n, place)
     if min(number, k) < 0:
-        raise Malformed("box.rows: no such row")
+        raise Malformed(f"{place}: no such row")
     if sign not in (1, -1):
-        raise Malformed("box.rows: a sign other than 1 and -1")
-    return text(kind, "box.rows"), number, k, sign
+        raise Malformed(f"{place}: a sign other than 1 and -1")
+    return [kind, number, k, sign]
 
 
-def tightened(step: Any, about: Simulation, region: Region) -> Region:
+def tightened(step: Any, about: Simulation, region: Region, place: str) -> Region:
     """Tighten a region by multipliers of rows, by weak duality over its box."""
-    got, d = fields(step, "box", 0, rows="l", weights="f**"), len(region.low)
-    asked = [named(row) for row in got.rows]
-    signals = about.run(region, max((k for kind, _, k, _ in asked if kind == "output"), default=0))
-    rows = [about.row(row, region, signals) for row in asked]
+    got, d = fields(step, place, 0, rows=each(named), weights="f**"), len(region.low)
+    last = max((k for kind, _, k, _ in got.rows if kind == "output"), default=0)
+    signals = about.run(region, last)
+    places = (f"{place}.rows[{k}]" for k in range(len(got.rows)))
+    rows = [about.row(row, region, signals, at) for row, at in zip(got.rows, places, strict=True)]
     goals = [[ONE * (v == j) for v in range(d)] for j in range(d)] + region.rows
     goals += [[-g for g in goal] for goal in goals] + [[0] * d]
-    alike("box.weights", got.weights, goals)
+    alike(f"{place}.weights", got.weights, goals)
     most = []
     for goal, line in zip(goals, got.weights, strict=True):
         weights = [max(down(v), 0) for v in line]
-        alike("box.weights", weights, rows)
+        alike(f"{place}.weights", weights, rows)
         left = [g << _K for g in goal]
         for weight, (slope, _) in zip(weights, rows, strict=True):
             if weight:

@@ -17,7 +17,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arithmetic.polynomial import Terms, add_terms
-from ..files.reading import Malformed, fields, item, read
+from ..files.reading import Malformed, fields, item, perhaps, together
 from ..result import NotProved
 
 ZERO = Fraction(0)
@@ -44,20 +44,24 @@ class Sample(NamedTuple):
 class Structure:
     """A transfer function between several inputs and outputs."""
 
-    def __init__(self, found: Any, inputs: int, outputs: int) -> None:
+    def __init__(
+        self, found: Any, inputs: int, outputs: int, most: int = 10**4, place: str = "structure"
+    ) -> None:
         kinds = {"na": "i**", "nb": "i**", "nk": "i**", "initial": "t", "form": "t"}
         flags = {"common_denominator": "b", "offset": "b"}
-        got = fields(found, "structure", 0, **kinds, **flags)
-        for table in (got.na, got.nb, got.nk):
+        got = fields(found, place, 0, **kinds, **flags)
+        for name, table in (("na", got.na), ("nb", got.nb), ("nk", got.nk)):
             if len(table) != outputs or any(len(r) != inputs or min(r) < 0 for r in table):
-                raise Malformed("structure: orders that do not fit the channels")
+                raise Malformed(f"{place}.{name}: orders that do not fit the channels")
+            if name != "nk" and max(map(max, table)) > most:
+                raise Malformed(f"{place}.{name}: more coefficients than parameters")
         forms = ("auto", "direct", "partial", "driven", *ELIMINATED)
         if got.common_denominator and len({n for row in got.na for n in row}) > 1:
-            raise Malformed("structure: a common denominator of several orders")
+            raise Malformed(f"{place}: a common denominator of several orders")
         if got.initial not in ("free", "zero") or got.form not in forms:
-            raise Malformed("structure: initial or form of an unknown kind")
+            raise Malformed(f"{place}: initial or form of an unknown kind")
         if got.form in ELIMINATED and got.offset and got.initial == "zero":
-            raise Malformed("structure: an eliminated offset that begins at zero")
+            raise Malformed(f"{place}: an eliminated offset that begins at zero")
         self.given, self.inputs, self.outputs = got, range(inputs), range(outputs)
         self.many, self.zero = inputs * outputs > 1, got.initial == "zero"
         self.shown = {name: getattr(got, name) for name in (*kinds, *flags)}
@@ -168,20 +172,29 @@ class Record:
         groups = "output", "input", "equation"
         noise = fields(item(found, "noise", "file"), "noise", 0, **dict.fromkeys(groups, "e**"))
         self.bounds: dict[str, Any] = {name: getattr(noise, name) for name in groups}
-        tables = [self.u, self.y, self.bounds["input"], self.bounds["output"]]
-        lengths = {len(c) for table in (*tables, self.bounds["equation"]) for c in table}
-        channels = len(tables[0]) == len(tables[2]) and len(tables[1]) == len(tables[3])
-        if lengths != {self.samples} or not channels or not self.u:
-            raise Malformed("record: channels of several lengths")
-        if len(self.bounds["equation"]) != len(self.y):
-            raise Malformed("noise: not one bound of equation errors for each output")
-        if any(v < 0 for table in self.bounds.values() for c in table for v in c):
-            raise Malformed("noise: a negative bound")
+        self._check_sizes()
         ordered = all(a < b for a, b in zip(self.starts, self.starts[1:], strict=False))
         if self.starts[:1] != [0] or not ordered or self.starts[-1] >= self.samples:
             raise Malformed("record.starts: not 0 and then later samples")
-        self.ranges = item(item(found, "record", "file"), "ranges", "record")
+        channels = {"u": self.u, "y": self.y}
+        pairs = {k: perhaps(together(*[together("e", "e")] * len(channels[k]))) for k in channels}
+        ranges = fields(item(found["record"], "ranges", "record"), "record.ranges", 0, **pairs)
+        self.ranges: dict[str, Any] = {name: getattr(ranges, name) for name in channels}
         self.letters: dict[tuple[str, int, int], int] = {}
+
+    def _check_sizes(self) -> None:
+        """Refuse channels of several lengths, and bounds that are not one for each sample."""
+        wanted = {"record.u": self.u, "record.y": self.y}
+        wanted |= {f"noise.{name}": table for name, table in self.bounds.items()}
+        for place, table in wanted.items():
+            channels = self.u if place in ("record.u", "noise.input") else self.y
+            if not table or len(table) != len(channels):
+                raise Malformed(f"{place}: {len(table)} channels, not one or more as in the record")
+            for k, column in enumerate(table):
+                if len(column) != self.samples:
+                    raise Malformed(f"{place}[{k}]: {len(column)} samples, not {self.samples}")
+                if place.startswith("noise") and min(column, default=0) < 0:
+                    raise Malformed(f"{place}[{k}]: a negative bound")
 
     def first(self, k: int) -> int:
         """Find the sample at which the record of sample k begins."""
@@ -207,11 +220,8 @@ class Record:
 
     def range(self, signal: str, channel: int) -> tuple[Fraction, Fraction] | None:
         """Take the range of all samples of a channel, where one is given."""
-        given = item(self.ranges, signal, "record.ranges")
-        if given is None:
-            return None
-        low, high = read(given[channel], "e*", "record.ranges")
-        return low, high
+        given = self.ranges[signal]
+        return None if given is None else tuple(given[channel])
 
     def given_ranges(self) -> dict[str, tuple[Fraction, Fraction]]:
         """List the ranges of channels with missing samples, by what they are about."""
@@ -232,7 +242,8 @@ class Record:
             if sample.letter:
                 add_terms(found, {heads: Fraction(sample.sign)}, (sample.letter,), term.sign)
             elif sample.sign:
-                raise Malformed("variables: a sample that is not known has no unknown")
+                signal = f"{term.signal} at sample {k - term.lag + 1}"
+                raise Malformed(f"variables: {signal} is not known and has no unknown")
         return found
 
     def within(self, terms: list[Term], k: int, zero: bool) -> bool:
@@ -259,7 +270,7 @@ class Record:
             elif place >= self.first(k):
                 found.append((term, self.sample(term.signal, place)))
             elif not zero:
-                raise Malformed(f"rows: sample {k} reaches before its record")
+                raise Malformed(f"rows: that of sample {k + 1} reaches before its record")
         return found
 
 

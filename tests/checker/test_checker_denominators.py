@@ -36,7 +36,7 @@ CONES = ("cones-first", "cones-second", "cones-outputs", "cones-rest", "cones-th
 
 def leaf_of(family: list[int], powers: list[int], minors: list[Fraction]) -> SimpleNamespace:
     """The fields of a leaf that a test needs."""
-    return SimpleNamespace(family=family, powers=powers, minors=minors)
+    return SimpleNamespace(family=family, powers=powers, minors=minors, where="box.nodes[0]")
 
 
 def regression(known: Identification) -> Regression:
@@ -392,9 +392,9 @@ def test_minors_need_denominators_that_are_stable():
     table = Multipliers(rows, [], [3])
     minors = leaf_of([], [0] * 4, [Fraction(1)])
     assert holds(table, minors, cones[0], True, None)
-    with pytest.raises(NotProved, match="need not be stable"):
+    with pytest.raises(NotProved, match="not of stable denominators"):
         holds(table, minors, cones[0], False, None)
-    with pytest.raises(NotProved, match="need not be stable"):
+    with pytest.raises(NotProved, match="not of stable denominators"):
         made = step([], [3], [leaf] * 8)
         by_denominators(made, regression(known), [[-5] * 4, [5] * 4])
 

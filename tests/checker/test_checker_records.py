@@ -123,6 +123,15 @@ def test_what_is_not_the_records_is_noticed(change):
     assert verdict(found) == wanted if wanted else verdict(found) != "accepted"
 
 
+def outer_alone(found: dict) -> list[str]:
+    """What is proved where no end is attained: the file is refused until it claims none."""
+    with pytest.raises(NotProved, match=r"intervals\[0\].inner: no point is shown to explain"):
+        Identification(found).check()
+    for stated in found["intervals"]:
+        stated["inner"] = None
+    return Identification(found).check()
+
+
 @pytest.mark.parametrize("share", [1e-3, 0.5, 1 - 1e-9])
 def test_rows_that_allow_more_than_the_equation_errors_attain_nothing(share):
     """Rows of .05 hold for less noise too, but points of theirs may need more than there is."""
@@ -131,7 +140,7 @@ def test_rows_that_allow_more_than_the_equation_errors_attain_nothing(share):
     lines = Identification(found).check()
     assert said in lines and any("attained from" in line for line in lines)
     bound(found, "equation", share * found["noise"]["equation"][0][0])
-    lines = Identification(found).check()
+    lines = outer_alone(found)
     assert any(line.startswith("proved: ") for line in lines) and said not in lines
     assert not any("attained" in line and line.startswith("proved") for line in lines)
     assert "rows of equation errors allow more than the noise: no end is attained" in lines
@@ -141,7 +150,7 @@ def test_unknowns_that_reach_further_attain_nothing_where_rows_are_given():
     found = loaded("hammerstein")
     assert any("attained from" in line for line in Identification(found).check())
     bound(found, "output", 0.5 * found["noise"]["output"][0][0])
-    lines = Identification(found).check()
+    lines = outer_alone(found)
     assert any(line.startswith("proved: ") for line in lines)
     assert not any("attained" in line and line.startswith("proved") for line in lines)
 
@@ -161,7 +170,7 @@ def test_less_noise_than_stated_is_fine_and_more_is_not():
             assert abs(bounds["data"][v] * found["units"][v]) == 0.05
             assert bounds["data"][v] * sign > 0
     bound(found, "output", 0.049)
-    lines = Identification(found).check()
+    lines = outer_alone(found)
     assert any(line.startswith("proved: a1") for line in lines)
     assert not any("attained" in line for line in lines)
 
@@ -169,6 +178,8 @@ def test_less_noise_than_stated_is_fine_and_more_is_not():
 def test_a_missing_row_leaves_outer_intervals_only():
     """Without its last row the problem is another, and certificates of the old one may fail."""
     found = loaded("e-0")
+    for stated in found["intervals"]:
+        stated["inner"] = None
     del found["rows"][-1], found["problem"]["constraints"][-1]
     count = len(found["rows"])
     for entry in found["linear"]:  # rows of bounds move up
@@ -186,7 +197,7 @@ def test_what_is_asked_is_shown():
     assert not any(line.startswith("given") for line in Identification(found).check())
     found["given"][0][0], found["rows"][0] = -0.9, None
     found["problem"]["names"] = [f"other{k}" for k in range(len(found["units"]))]
-    shown = [line for line in Identification(found).check() if line.startswith("given")]
+    shown = [line for line in outer_alone(found) if line.startswith("given")]
     assert shown[0] == "given: a1 in [-0.9, inf]"
     assert "b0" in shown[1] and "a1*eta1[1]" in shown[1] and shown[1].endswith("== 0")
 
@@ -196,7 +207,7 @@ def test_ends_outside_what_is_given_are_not_attained():
     found = loaded("o-0")
     assert any("attained from" in line for line in Identification(found).check())
     found["given"][1][0] = found["intervals"][0]["inner"][0]
-    lines = Identification(found).check()
+    lines = outer_alone(found)
     assert any(line.startswith("proved: a1") for line in lines)
     assert not any("attained" in line for line in lines)
 
@@ -350,7 +361,7 @@ def test_separators_within_quotes_separate_nothing(tmp_path, capsys):
 @pytest.mark.parametrize(("name", "field"), [("o-0", "ends"), ("e-0", "linear")])
 def test_more_ends_than_those_of_the_parameters_are_malformed(name, field):
     found = loaded(name)
-    whole = found[field] or [{"certificate": None, "attained": None, "status": "UNBOUNDED"}]
+    whole = found[field] or [{"certificate": None, "attained": None}]
     found[field] = whole * (2 * len(found["parameters"]) + 1)
     with pytest.raises(reading.Malformed, match="more than two for each parameter"):
         Identification(found)
@@ -380,6 +391,92 @@ def test_the_range_that_its_equation_implies_bounds_a_missing_output(ranges):
     assert about.bounds(place)[1] == pytest.approx(0.5 if ranges and high > ranges[0][1] else high)
     found["problem"]["lower"]["data"][place] += 1e-9 / found["units"][place]
     assert verdict(found) == "refused"
+
+
+LISTS = {
+    "variables[1]": lambda f: f["variables"][1],
+    "rows[4]": lambda f: f["rows"][4],
+    "intervals[0].outer": lambda f: f["intervals"][0]["outer"],
+    "intervals[1].inner": lambda f: f["intervals"][1]["inner"],
+    "linear[2].multipliers[0]": lambda f: f["linear"][2]["multipliers"][0],
+    "given": lambda f: f["given"],
+    "box.steps[0].rows[0]": lambda f: f["box"]["steps"][0]["rows"][0],
+    "box.steps[0].nodes[0].rows[0]": lambda f: f["box"]["steps"][0]["nodes"][0]["rows"][0],
+    "box.steps[0].nodes[0].bounds[0].multipliers[0]": lambda f: f["box"]["steps"][0]["nodes"][0][
+        "bounds"
+    ][0]["multipliers"][0],
+}
+
+
+@pytest.mark.parametrize("place", LISTS)
+@pytest.mark.parametrize("longer", [False, True])
+def test_lists_of_another_length_are_refused_by_their_place(place, longer, tmp_path, capsys):
+    found = loaded("e-0")
+    row, bounds = [1, 1, 1, [0.0] * 3], [{"multipliers": [[0, "1"]], "empty": False}]
+    nodes = [{"children": [], "split": -1, "rows": [row], "bounds": bounds}]
+    inverse = {"rows": [[1, 1]], "inverse": [], "centre": [], "radius": []}
+    step = inverse | {"is": "LeftInverse"} if ".steps[0].rows" in place else {"is": "SignTree"}
+    ends = {"lower": ["-inf"] * 2, "upper": ["inf"] * 2, "kind": "ParameterBox"}
+    if place.startswith("box"):
+        found["box"] = ends | {"steps": [step | {"nodes": nodes}]}
+    damaged = LISTS[place](found)
+    if longer:
+        damaged.append(damaged[-1])
+    else:
+        del damaged[-1]
+    path = tmp_path / "identification.json"
+    text = {"format": "setid", "version": 10, "is": "identification", "identification": found}
+    path.write_text(json.dumps(text))
+    assert command.main([str(path)]) == 2
+    assert f"MALFORMED  identification.{place}: " in capsys.readouterr().out
+
+
+def test_orders_beyond_the_parameters_take_no_time():
+    for name in ("na", "nb"):
+        found = loaded("e-0")
+        found["structure"][name] = [[10**30]]
+        with pytest.raises(reading.Malformed, match=rf"structure.{name}: more coefficients"):
+            Identification(found)
+
+
+def test_ends_that_are_not_attained_are_refused():
+    """What is attained is rounded by less than 1e-12, and the file says 1e-9 more."""
+    for side, more in ((0, -1e-9), (1, 1e-9)):
+        found = loaded("o-0")
+        found["intervals"][1]["inner"][side] += more
+        with pytest.raises(NotProved, match=r"intervals\[1\].inner: attained from .* but only"):
+            Identification(found).check()
+
+
+def endless(noise) -> dict:
+    """y(k) + a1 y(k-1) = b0 u(k) + e with y(0) = 0 alone: nothing is said of a1."""
+    data = setid.IOData([1.0, -1.0], [0.0, 1.0])
+    options = setid.Options(time_limit=2.0, progress=False)
+    result = setid.identify(data, setid.TransferFunction(1, 1), noise, options=options)
+    return certificate_files(result)["identification"]
+
+
+def test_rays_prove_ends_that_are_infinite():
+    found = endless(setid.Noise(equation=0.5))
+    lines = Identification(found).check()
+    assert "proved: a1 in [-inf, inf], attained from -inf to inf" in lines
+    for number, change in ((0, ["0", "0"]), (0, ["0", "1"]), (1, found["linear"][0]["ray"])):
+        other = copy.deepcopy(found)
+        other["linear"][number]["ray"] = change
+        with pytest.raises(NotProved, match=rf"linear\[{number}\].ray"):
+            Identification(other).check()
+
+
+def test_infinite_ends_without_a_ray_are_taken_as_given():
+    """Files hold no proof that a parameter is unbounded; b0 is bounded, so it cannot be."""
+    found = endless(setid.Noise(equation=0.5))
+    for entry in found["linear"]:
+        entry["ray"] = None
+    lines = Identification(found).check()
+    assert "taken as given: that the record does not bound a1" in lines
+    found["intervals"][1]["inner"][0] = "-inf"
+    with pytest.raises(NotProved, match=r"intervals\[1\].inner"):
+        Identification(found).check()
 
 
 def test_help_is_given(capsys):

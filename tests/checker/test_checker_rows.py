@@ -12,7 +12,7 @@ from checker.arithmetic import interval as iv
 from checker.certificates.left_inverse import contracts
 from checker.files import reading
 from checker.records.box import walk
-from checker.records.linear_rows import Regression, combined, given_row
+from checker.records.linear_rows import Regression, by_tree, combined, given_row
 from checker.records.parameter_box import by_products, settle, settle_denominators, total
 from checker.records.structure import Record, Structure
 from checker.result import NotProved
@@ -73,25 +73,27 @@ def test_signs_of_rows_are_whole_numbers():
     rows, part = small([[(1,)], [(2,)]]), [[Fraction(0)] * 2, [Fraction(1), Fraction(0)]]
     low = math.nextafter(-1.375, -INF)
     with pytest.raises(NotProved):
-        given_row([1, 1, 1, [-3.875, 0.0, low]], rows, part)
+        given_row([1, 1, 1, [Fraction(v) for v in (-3.875, 0.0, low)]], rows, part)
     for sign in (1.0, True, 2):
-        with pytest.raises(reading.Malformed):
-            given_row([1, 1, sign, [-3.875, 0.0, low]], rows, part)
+        node = {"children": [], "split": -1, "rows": [[1, 1, sign, [-3.875, 0.0, low]]]}
+        with pytest.raises(reading.Malformed, match=r"box.nodes\[0\].rows\[0\]"):
+            by_tree({"nodes": [node | {"bounds": []}]}, rows, part)
 
 
 def test_multipliers_of_linear_rows():
     """x + y >= 1 and x - y >= 2 give x >= 3/2; with x <= 1 nothing is left."""
     rows = [[Fraction(v) for v in row] for row in ([1, 1, -1], [1, -1, -2], [-1, 0, 1])]
-    half = [[0, "1/2"], [1, "1/2"]]
+    half = [[0, Fraction(1, 2)], [1, Fraction(1, 2)]]
     assert combined(rows, half, (0, 0)) == Fraction(3, 2)
-    assert combined(rows, [*half, [2, "1"]], None) == INF
-    for pairs, goal in ((half, (1, 0)), (half, None), ([[0, "-1"], [1, "2"]], (0, 0))):
+    assert combined(rows, [*half, [2, Fraction(1)]], None) == INF
+    others = [[0, Fraction(-1)], [1, Fraction(2)]]
+    for pairs, goal in ((half, (1, 0)), (half, None), (others, (0, 0))):
         with pytest.raises(NotProved):
             combined(rows, pairs, goal)
     with pytest.raises(NotProved, match="negative"):
-        combined(rows, [[0, "1/2"], [1, "-1/2"]], (1, 0))
+        combined(rows, [[0, Fraction(1, 2)], [1, Fraction(-1, 2)]], (1, 0))
     with pytest.raises(reading.Malformed):
-        combined([[Fraction(1), Fraction(0), INF]], [[0, "1"]], (0, 0))
+        combined([[Fraction(1), Fraction(0), INF]], [[0, Fraction(1)]], (0, 0))
 
 
 @pytest.mark.parametrize(("radius", "good"), [(1.0, False), (1.0009765625, True)])
@@ -244,5 +246,5 @@ def test_columns_that_make_no_sense_are_refused(columns):
 def test_parts_of_a_tree_come_later_and_once(children):
     """Node 2 may not be split in 1, which stands before it, nor in 3, which is a part of 0."""
     nodes = [{"children": c} for c in ([2, 3], [], children, [], [])]
-    with pytest.raises(reading.Malformed, match="stands twice, or before"):
-        walk(nodes, [0], lambda _, node, own: [own] * len(node.children))
+    with pytest.raises(reading.Malformed, match="a node twice, or before"):
+        walk(nodes, "box.nodes", [0], lambda _, node, own: [own] * len(node.children))
