@@ -32,17 +32,16 @@ from setid.formulation.formulation import (
     settled,
     without_partial_outputs,
 )
-from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.conflicting_samples import conflicting_rows
-from setid.minimum_noise.consistency_result import Consistency
+from setid.minimum_noise.consistency_result import Consistency, assumptions_of
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.checked_structures import coefficients_of
-from setid.models.continuous import ContinuousTransferFunction, without_delta
+from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, checked_options, with_executor
@@ -74,11 +73,6 @@ Samples = tuple[tuple[int, int], ...]  # records, from 1, and samples, from 0
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 T = TypeVar("T")
 
-_MULTIPLIED = (
-    "denominators are multiplied out, which keeps every consistent parameter vector; the attained "
-    "factor may be that of one whose denominators have a common zero"
-)
-_DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
 _SEARCH = 5.0  # seconds for a better estimate, or units of work
 _MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
@@ -238,7 +232,7 @@ class _Question:
             box=box,
             refuted=refuted,
             noise=self.noise,
-            assumptions=_assumptions(formulation, self.noise),
+            assumptions=assumptions_of(formulation, self.noise),
             samples=samples,
         )
 
@@ -248,20 +242,6 @@ def _of_one_offset(formulation: Formulation) -> Formulation:
     found = driven(formulation) if formulation.model.initial == "free" else None
     same = found is not None and len(found.priors) == len(formulation.priors)
     return found if found is not None and same else formulation
-
-
-def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
-    model, texts = formulation.model, [*noise.assumptions, *formulation.assumptions]
-    if noise.model_error and isinstance(model, ContinuousTransferFunction):  # with delta as noise
-        given = replace(model, delta=noise.model_error)
-        said = {f"the system is a {model!r}": f"the system is a {given!r}"}
-        said[model.between_samples(0.0)] = given.between_samples(noise.model_error)
-        texts = [said.get(text, text) for text in texts]
-    if isinstance(model, TransferFunction) and model.form == DRIVEN:
-        texts.append(_DRIVEN)
-    if isinstance(model, TransferFunction) and model.form in (LIFTED, DRIVEN):
-        texts.append(_MULTIPLIED)
-    return tuple(dict.fromkeys(texts))
 
 
 # ---- equation errors: one linear program ------------------------------------------------

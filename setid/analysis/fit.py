@@ -24,7 +24,7 @@ from setid.models.equations import Structure
 from setid.options import Options, checked_options
 from setid.priors.base import Prior, listed
 from setid.proofs.denominators.denominator_cells import DenominatorCells
-from setid.proofs.evidence import Verification
+from setid.proofs.evidence import Verification, as_verdict
 from setid.proofs.least_noise.least_error import (
     Multipliers,
     Norm,
@@ -120,6 +120,7 @@ class Fit:
         """100 (1 - |y - yhat| / |y - mean y|) in per cent, one an output."""
         return fit_of(self.data.y, self.outputs)
 
+    @as_verdict
     def verify(self, data: IOData | None = None) -> Verification:
         """Check error and lower bound again from the data, without any solver.
 

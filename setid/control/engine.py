@@ -27,9 +27,9 @@ from setid.plots.axes import new_axes
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, Given, parameters
 from setid.priors.transfer import Stable
-from setid.proofs.evidence import Verification
+from setid.proofs.evidence import Verification, as_verdict
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.result.damaged_texts import as_verdict, refused
+from setid.result.damaged_texts import refused
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
 from setid.result.json_parts import read, write

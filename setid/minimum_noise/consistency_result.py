@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -14,22 +14,28 @@ from setid.data.digits import all_digits
 from setid.data.noise import EstimatedBound, Noise
 from setid.errors import NoiseError, SetidError
 from setid.formulation.formulation import Formulation
-from setid.formulation.lifting import DRIVEN
+from setid.formulation.lifting import DRIVEN, LIFTED
 from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import samples_listed
+from setid.models.continuous import ContinuousTransferFunction
 from setid.models.lti import TransferFunction
-from setid.proofs.evidence import Verification
-from setid.proofs.least_noise.noise_scale import NoiseScale, verify_scale
+from setid.proofs.evidence import Verification, as_verdict
+from setid.proofs.least_noise.noise_scale import NoiseScale, stated_at, verify_scale
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["READ_OFF", "Consistency", "ends_of"]
+__all__ = ["READ_OFF", "Consistency", "assumptions_of", "ends_of"]
 
 Reals = NDArray[np.float64]
 
 READ_OFF = "read off this record"
+_MULTIPLIED = (
+    "denominators are multiplied out, which keeps every consistent parameter vector; the attained "
+    "factor may be that of one whose denominators have a common zero"
+)
+_DRIVEN = "an offset drives the equation: it is that of the output times the denominators at q = 1"
 _ROUNDING = 2.0**-50
 
 
@@ -80,12 +86,6 @@ class Consistency(NoiseScale):
 
     assumptions: tuple[str, ...]
     samples: tuple[tuple[int, int], ...]
-
-    @property
-    def explains(self) -> bool | None:
-        """True if the noise bounds as given explain the data; None where that is open."""
-        low, high = self.scale
-        return True if high <= 1.0 else (False if low > 1.0 else None)
 
     def is_within(self, tol: float) -> bool:
         """Check that the ends are within a share of the upper one of each other.
@@ -157,9 +157,13 @@ class Consistency(NoiseScale):
                 kept[kind] = EstimatedBound(values, np.zeros(count), text)
         return Noise(**kept)
 
+    @as_verdict
     def verify(self) -> Verification:
-        """Check both ends again, without any solver."""
-        return verify_scale(self)
+        """Check both ends and the assumptions again, without any solver."""
+        verdict = verify_scale(self)
+        if verdict and self.assumptions != assumptions_of(stated_at(self, self.limit), self.noise):
+            return Verification(False, "the assumptions are not those of the data and the noise")
+        return verdict
 
     def summary(self) -> str:
         """Describe the factor and what it rests on in a few lines."""
@@ -203,6 +207,28 @@ class Consistency(NoiseScale):
 
     def __repr__(self) -> str:
         return f"<Consistency: factor {ends_of(self.scale, 6)}>"
+
+
+def assumptions_of(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
+    """List what a least factor rests on.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    noise : Noise
+        As given: a factor of 1.
+    """
+    model, texts = formulation.model, [*noise.assumptions, *formulation.assumptions]
+    if noise.model_error and isinstance(model, ContinuousTransferFunction):  # with delta as noise
+        given = replace(model, delta=noise.model_error)
+        said = {f"the system is a {model!r}": f"the system is a {given!r}"}
+        said[model.between_samples(0.0)] = given.between_samples(noise.model_error)
+        texts = [said.get(text, text) for text in texts]
+    if isinstance(model, TransferFunction) and model.form == DRIVEN:
+        texts.append(_DRIVEN)
+    if isinstance(model, TransferFunction) and model.form in (LIFTED, DRIVEN):
+        texts.append(_MULTIPLIED)
+    return tuple(dict.fromkeys(texts))
 
 
 def ends_of(scale: tuple[float, float], digits: int) -> str:

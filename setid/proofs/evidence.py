@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from functools import wraps
+from typing import NamedTuple, ParamSpec, Protocol
+
+import numpy as np
 
 import sparsepop_py as sp
+from setid.errors import SetidError
 from setid.formulation.formulation import Formulation
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.uniqueness.normalisation import Nonzero
 from setid.proofs.uniqueness.unbounded import Unbounded
 
-__all__ = ["Claimed", "EndProof", "Evidence", "Verification"]
+__all__ = ["DAMAGE", "Claimed", "EndProof", "Evidence", "Verification", "as_verdict"]
+
+P = ParamSpec("P")
+
+DAMAGE = (  # what fields end in that do not fit each other
+    sp.SparsePOPError,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    RecursionError,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +55,33 @@ class Verification:
 
     def __bool__(self) -> bool:
         return self.ok
+
+
+def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
+    """Make a check return a verdict, also where fields do not fit each other.
+
+    Stored results come from anywhere: arrays of other shapes and missing parts are forgeries, for
+    which False is an answer and an exception is none. Numbers overflow there without a warning.
+
+    Examples
+    --------
+    >>> as_verdict(lambda pair: Verification(pair[2] == 1))((0, 1))
+    Verification(ok=False, reason='the fields do not fit each other: tuple index out of range')
+    """
+
+    @wraps(verify)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> Verification:
+        try:
+            with np.errstate(all="ignore"):
+                return verify(*args, **kwargs)
+        except FloatingPointError:  # of a process whose arithmetic proves nothing
+            raise
+        except SetidError as error:
+            return Verification(False, str(error))
+        except DAMAGE as error:
+            return Verification(False, f"the fields do not fit each other: {error!s:.200}")
+
+    return checked
 
 
 class EndProof(NamedTuple):

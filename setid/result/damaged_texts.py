@@ -3,34 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache, wraps
+from functools import cache
 from sys import float_info
 from types import UnionType
-from typing import Any, Literal, ParamSpec, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-import sparsepop_py as sp
 from setid.errors import SetidError
-from setid.proofs.evidence import Verification
+from setid.proofs.evidence import DAMAGE
 
-__all__ = ["as_verdict", "check_fields", "refused"]
-
-P = ParamSpec("P")
+__all__ = ["check_fields", "refused"]
 
 _ROOM = re.compile(r"(\w+\.)+")  # in names of types
-_DAMAGE = (
-    sp.SparsePOPError,
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    LookupError,
-    TypeError,
-    ValueError,
-    RecursionError,
-)
 
 
 @contextmanager
@@ -62,35 +49,8 @@ def refused(place: str, expected: str) -> Iterator[None]:
             yield
     except SetidError:
         raise
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise SetidError(f"{place}: {error!r:.200}, expected {expected}") from error
-
-
-def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
-    """Make a check return a verdict, also where fields do not fit each other.
-
-    Stored results come from anywhere: arrays of other shapes and missing parts are forgeries, for
-    which False is an answer and an exception is none. Numbers overflow there without a warning.
-
-    Examples
-    --------
-    >>> as_verdict(lambda pair: Verification(pair[2] == 1))((0, 1))
-    Verification(ok=False, reason='the fields do not fit each other: tuple index out of range')
-    """
-
-    @wraps(verify)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> Verification:
-        try:
-            with np.errstate(all="ignore"):
-                return verify(*args, **kwargs)
-        except FloatingPointError:  # of a process whose arithmetic proves nothing
-            raise
-        except SetidError as error:
-            return Verification(False, str(error))
-        except _DAMAGE as error:
-            return Verification(False, f"the fields do not fit each other: {error!s:.200}")
-
-    return checked
 
 
 def check_fields(made: Any, place: str) -> None:

@@ -67,8 +67,7 @@ class Holdout:
 
         False where that is refuted, None where it is open.
         """
-        low, high = self.scale
-        return True if high <= 1.0 else (False if low > 1.0 else None)
+        return self.level.explains
 
     @property
     def text(self) -> str:

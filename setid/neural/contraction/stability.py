@@ -30,7 +30,7 @@ from setid.neural.contraction.lmi import (
 from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Condition", "Stability", "stability"]

@@ -19,7 +19,7 @@ from setid.neural.arithmetic import (
 )
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EquationError", "equation_error", "rows_of"]

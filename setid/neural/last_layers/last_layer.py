@@ -62,7 +62,7 @@ from setid.neural.last_layers.polytope import (
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed, same_intervals
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 

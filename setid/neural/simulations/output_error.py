@@ -37,7 +37,7 @@ from setid.neural.models.regressor import RegressorNetwork, check_record
 from setid.neural.simulations.forms import Form
 from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
 from setid.neural.status import Status, agreed
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["OutputError", "output_error"]

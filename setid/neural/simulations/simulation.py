@@ -38,7 +38,7 @@ from setid.neural.simulations.forms import (
     reduce,
 )
 from setid.neural.status import Status, agreed
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 
 __all__ = ["SimulationBand", "initial_box", "run_forms", "simulate_band"]
 

@@ -15,7 +15,7 @@ from setid import ModelError, Verification
 from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Envelope", "envelope"]

@@ -48,7 +48,7 @@ from setid.neural.training.smooth_weights import (
     smooth_hidden_weights,
 )
 from setid.neural.training.structure import has_hidden_layer, hidden_layer
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 
 __all__ = ["HiddenWeights", "SignChoice", "hidden_weights"]
 

@@ -32,7 +32,7 @@ from setid.neural.status import Status, agreed, same_intervals
 from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.structure import has_hidden_layer
 from setid.neural.training.weight_boxes import WeightProgram
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["SMOOTH", "SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]

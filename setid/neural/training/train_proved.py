@@ -42,7 +42,7 @@ from setid.neural.training.weight_boxes import (
     prove_boxes,
     reaches,
 )
-from setid.result.damaged_texts import as_verdict
+from setid.proofs.evidence import as_verdict
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["ProvedTraining", "train_proved"]

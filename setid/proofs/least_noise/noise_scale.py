@@ -32,6 +32,7 @@ __all__ = [
     "proved_factor",
     "rows_of_exact_readings",
     "scaled_noise",
+    "stated_at",
     "verify_scale",
 ]
 
@@ -79,6 +80,12 @@ class NoiseScale:
     box: ProvedBox | None
     refuted: tuple[float, ParameterBox | DenominatorCells] | None
     noise: Noise
+
+    @property
+    def explains(self) -> bool | None:
+        """True if the noise bounds as given explain the data; None where that is open."""
+        low, high = self.scale
+        return True if high <= 1.0 else (False if low > 1.0 else None)
 
 
 # ---- the problem --------------------------------------------------------------------------
@@ -259,7 +266,7 @@ def verify_scale(found: NoiseScale) -> Verification:
     """
     if any(map(isnan, found.scale)):
         return Verification(False, "an end is no number")
-    again = _stated(found, found.limit)
+    again = stated_at(found, found.limit)
     if again.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the problem is not that of the data, the noise and the limit")
     found = replace(found, formulation=again)  # what a fingerprint does not hold is stated again
@@ -272,7 +279,7 @@ def verify_scale(found: NoiseScale) -> Verification:
             return Verification(False, "emptiness of the box does not follow")
         proved = factor
     if found.result is not None:
-        if found.box is not None and not box_follows(found.box, _stated(found, found.limit)):
+        if found.box is not None and not box_follows(found.box, stated_at(found, found.limit)):
             return Verification(False, "the box does not follow from the data")
         reason, attained = _result_fails(found)
         if reason:
@@ -291,7 +298,7 @@ def _emptiness_follows(
     if factor == inf:
         exact = rows_of_exact_readings(found.formulation, found.noise)
         return exact is not None and isinstance(box, ParameterBox) and box_follows(box, exact)
-    stated = _stated(found, factor)
+    stated = stated_at(found, factor)
     return box.verify(stated) if isinstance(box, DenominatorCells) else box_follows(box, stated)
 
 
@@ -335,8 +342,14 @@ def admitted_point(
     return admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
 
 
-def _stated(found: NoiseScale, factor: float) -> Formulation:
-    """The problem at one factor, stated once more from the data."""
+def stated_at(found: NoiseScale, factor: float) -> Formulation:
+    """State the problem at one factor once more from the data.
+
+    Parameters
+    ----------
+    found : NoiseScale
+    factor : float
+    """
     given = found.formulation
     noise = scaled_noise(found.noise.bounds(given.data), factor)
     return formulate(given.data, given.model, noise, given.priors)
@@ -346,7 +359,7 @@ def _explained(found: NoiseScale) -> bool:
     """Prove again that the parameters at the upper end are consistent."""
     if found.theta is None or found.witness is None:
         return False
-    stated = _stated(found, found.scale[1])
+    stated = stated_at(found, found.scale[1])
     if found.theta.shape != (len(stated.parameters),):
         return False
     if found.witness.shape != (stated.problem.dimension,):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -416,3 +417,14 @@ def test_the_least_sum_of_equation_errors_is_proved_where_rows_repeat(
     assert found.lower_bound == pytest.approx(least, rel=1e-12)
     assert found.error == pytest.approx(least, rel=1e-12)
     assert found.lower_bound <= least <= found.error and found.verify()
+
+
+@pytest.mark.parametrize("errors", ["equation", "output"])
+def test_malformed_fields_of_a_fit_are_verdicts(errors: Any) -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    found = setid.fit(data, setid.TransferFunction(1, 1), norm="linf", errors=errors)
+    assert found.verify()
+    changes = ({"names": None}, {"theta": None}, {"error": "x"}, {"data": 3}, {"model": None})
+    for damage in changes:
+        verdict = replace(found, **damage).verify()
+        assert verdict.reason and (not verdict or damage == {"data": 3})

@@ -24,6 +24,7 @@ from setid.minimum_noise.factor import least_factor
 from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.least_noise.noise_scale import attained_factor
+from setid.result.holdout import Holdout
 from sparsepop_py.budget import check
 from sparsepop_py.executors.processes import Processes
 
@@ -476,3 +477,29 @@ def test_estimates_are_drawn_into_the_unit_disc_where_a_prior_wants_that() -> No
     assert consistent(enough, inside) is not None
     free = setid.formulate(data, model, noise)
     assert np.array_equal(poles_inside(free, theta, np.inf), theta)
+
+
+def test_malformed_fields_and_other_assumptions_are_verdicts() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    for noise in (setid.Noise(equation=0.5), setid.Noise(output=0.5)):
+        found = setid.consistency(data, setid.TransferFunction(1, 1), noise)
+        assert found.verify()
+        for damage in ({"scale": ()}, {"scale": None}, {"limit": "x"}, {"noise": None}):
+            verdict = replace(found, **damage).verify()
+            assert not verdict and verdict.reason
+        known = replace(found.formulation, assumptions=())
+        for other in (replace(found, assumptions=()), replace(found, formulation=known)):
+            assert bool(other.verify()) == bool(other.assumptions)
+        verdict = replace(found, assumptions=()).verify()
+        assert verdict.reason == "the assumptions are not those of the data and the noise"
+
+
+@pytest.mark.parametrize(
+    ("scale", "explains"),
+    [((0.2, 1.0), True), ((0.2, 1.1), None), ((1.0, 2.0), None), ((1.1, 2.0), False)],
+)
+def test_bounds_explain_a_record_by_its_least_factor(scale: Any, explains: bool | None) -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    changed = replace(found, scale=scale)
+    assert changed.explains is Holdout(changed).holds is explains
