@@ -102,7 +102,7 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     name = text(item(found, "format", place), f"{place}.format")
     version = whole(item(found, "version", place), f"{place}.version")
     if version not in VERSIONS.get(name, ()):
-        raise Malformed(f"{place}: {name!r:.40} of version {version} is not known")
+        raise Malformed(f"{place}: format {name!r:.40} of version {version} is not known")
     whose, name = name, text(item(found, "is", place), f"{place}.is")
     if whose == "setid" and name != "identification":
         raise Malformed(

@@ -198,6 +198,14 @@ def test_words_of_no_rows_are_not_as_wide_as_a_file_says(tmp_path):
         assert (main(["verify", *files]), command.main(files)) == (0, 0)
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_points_beyond_all_doubles_are_refused(good, tmp_path, place):
+    """Squares overflow: no linear algebra can say more."""
+    data = good["result"]["attained"]["x"]["data"]
+    values = [1e308 if k == place else v for k, v in enumerate(data)]
+    assert codes(changed(good, ("attained", "x", "data"), values), tmp_path) == (1, 1)
+
+
 def test_free_multipliers_of_inequalities_are_malformed(good, tmp_path):
     groups = good["result"]["certificate"][-1]["parts"][0]["argument"]["multipliers"]
     free = next(k for k, group in enumerate(groups) if len(group["values"]["shape"]) == 2)

@@ -41,7 +41,10 @@ def polished(
     x = x.copy()
     for _ in range(6):
         values = system.values(x)
-        step = _newton_step(system.jacobian(x).tocsc()[:, solved], -values)
+        try:
+            step = _newton_step(system.jacobian(x).tocsc()[:, solved], -values)
+        except np.linalg.LinAlgError:  # of numbers near the largest double
+            return None
         if not np.all(np.isfinite(step)) or np.abs(step).max(initial=0.0) > 1e-2:
             return None
         x[solved] += step
