@@ -24,6 +24,8 @@ from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.fits.output_error import least_largest_error
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators
+from setid.feasible_points.fits.separate_noise import separate_noise
+from setid.feasible_points.fits.stable_poles import monic
 from setid.feasible_points.witness import Witness, consistent, least_noise
 from setid.formulation.formulation import (
     Formulation,
@@ -34,12 +36,10 @@ from setid.formulation.formulation import (
 )
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
-from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.consistency_result import Consistency, assumptions_of
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
-from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.checked_structures import coefficients_of
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure

@@ -24,12 +24,12 @@ from setid.feasible_points.fits.output_error import (
     output_error_fit,
 )
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators
+from setid.feasible_points.fits.separate_noise import separate_noise
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, without_partial_outputs
 from setid.minimum_noise.claims import FoundDenominators
 from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.fits import fit_of_denominator
-from setid.minimum_noise.separate_noise import separate_noise
 from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction

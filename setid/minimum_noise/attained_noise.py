@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from setid.feasible_points.fits.random_poles import random_denominator
+from setid.feasible_points.fits.stable_poles import monic, random_denominator
 from setid.minimum_noise.claims import with_better
-from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs
 from setid.proofs.denominators.cones import first_cones
 from sparsepop_py.budget import Deadline

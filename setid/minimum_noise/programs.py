@@ -17,7 +17,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from setid.minimum_noise.exchanges import Approximation, approximated
+from setid.feasible_points.fits.exchanges import Approximation, approximated
 from setid.proofs.denominators.output_rows import OutputRows
 from sparsepop_py.lp.highs import LinearModel
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from setid.data.record import IOData
-from setid.feasible_points.fits.random_poles import random_denominator
+from setid.feasible_points.fits.stable_poles import random_denominator
 from setid.models.checked_structures import coefficients_of, regression_of
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction

@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.feasible_points.fits.stable_poles import monic
 from setid.minimum_noise.claims import FoundDenominators, claimed, with_better
-from setid.minimum_noise.cones.edges import monic
 from setid.minimum_noise.programs import Programs, grows, programs_for_growth
 from setid.proofs.denominators.cones import Cone, first_cones
 from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, VaryingLeaf

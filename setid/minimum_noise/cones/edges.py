@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["changing_edge", "edge_weights", "handed_on", "long_edge", "monic"]
+__all__ = ["changing_edge", "edge_weights", "handed_on", "long_edge"]
 
 Reals = NDArray[np.float64]
 _LAST = 4  # of the multipliers that a cone hands on
@@ -14,7 +14,6 @@ _UNEVEN = 24  # largest power of two between the weights of an edge
 _EVEN, _SHARE = 0.01, 1e-3  # of each edge, and of each vector, beside those of the dual solution
 _LITTLE, _MOVED = 1.0, 6.0  # powers of two between shares that do not count, and most that do
 _LEAST = 1e-300
-_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 
 
 def handed_on(shares: Reals) -> NDArray[np.int64]:
@@ -115,25 +114,3 @@ def edge_weights(uneven: float) -> tuple[int, int]:
     """
     power = int(np.clip(np.round(uneven), -_UNEVEN, _UNEVEN))
     return 2 ** max(power, 0), 2 ** max(-power, 0)
-
-
-def monic(a: Reals, stable: bool) -> Reals | None:
-    """Divide a denominator by its first coefficient, poles drawn into the unit disc if asked.
-
-    Parameters
-    ----------
-    a : (n + 1,) float
-    stable : bool
-
-    Returns
-    -------
-    (n + 1,) float or None
-        None where the first coefficient is as good as zero.
-    """
-    if not abs(a[0]) > 1e-6 * np.abs(a).max():
-        return None
-    found = np.asarray(a / a[0], np.float64)
-    if stable:
-        largest = float(np.abs(np.roots(found)).max(initial=0.0))
-        found = found * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(found.size)
-    return found

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
+from setid.feasible_points.fits.stable_poles import monic
 from setid.formulation.formulation import Formulation
 from setid.minimum_noise.cones.crew import MOST_BYTES, Crew
-from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge, monic
+from setid.minimum_noise.cones.edges import changing_edge, edge_weights, long_edge
 from setid.minimum_noise.cones.limits import FoundLimit, LimitTask, limited, orthogonal
 from setid.minimum_noise.cones.linear_programs import EXACT, ConePrograms
 from setid.minimum_noise.cones.nodes import OPEN_LEAF, ConeNode, Examined, examined, first_node

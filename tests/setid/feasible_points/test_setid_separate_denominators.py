@@ -12,8 +12,8 @@ from setid.feasible_points.fits.separate_denominators import (
     has_separate_denominators,
     separate_fit,
 )
+from setid.feasible_points.fits.separate_noise import separate_noise
 from setid.formulation.formulation import without_partial_outputs
-from setid.minimum_noise.separate_noise import separate_noise
 from setid.simulation.responses import run
 
 THETA = [-0.8, -0.5, 1.0, 0.3, -0.6, 0.2, 2.0]

@@ -1,13 +1,14 @@
-"""Random stable poles, from which searches for denominators begin."""
+"""Stable poles, from which searches for denominators begin."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["random_denominator", "random_poles"]
+__all__ = ["monic", "random_denominator", "random_poles"]
 
 Reals = NDArray[np.float64]
+_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 _SLOW = 3e-3  # least distance of a pole from the unit circle
 
 
@@ -46,3 +47,25 @@ def random_denominator(random: np.random.Generator, n: int) -> Reals:
     n : int
     """
     return np.asarray(np.atleast_1d(np.real(np.poly(random_poles(random, n)))), np.float64)
+
+
+def monic(a: Reals, stable: bool) -> Reals | None:
+    """Divide a denominator by its first coefficient, poles drawn into the unit disc if asked.
+
+    Parameters
+    ----------
+    a : (n + 1,) float
+    stable : bool
+
+    Returns
+    -------
+    (n + 1,) float or None
+        None where the first coefficient is as good as zero.
+    """
+    if not abs(a[0]) > 1e-6 * np.abs(a).max():
+        return None
+    found = np.asarray(a / a[0], np.float64)
+    if stable:
+        largest = float(np.abs(np.roots(found)).max(initial=0.0))
+        found = found * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(found.size)
+    return found

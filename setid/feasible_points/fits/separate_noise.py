@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from setid.feasible_points.fits.exchanges import Approximation, approximated
 from setid.feasible_points.fits.separate_denominators import OutputFit, SeparateOutput, fit_outputs
+from setid.feasible_points.fits.stable_poles import monic
 from setid.formulation.formulation import Formulation
-from setid.minimum_noise.cones.edges import monic
-from setid.minimum_noise.exchanges import Approximation, approximated
 from setid.models.lti import TransferFunction
 
 __all__ = ["separate_noise"]
