@@ -7,12 +7,12 @@ parameters are consistent with the data; at the upper end some are, with a witne
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.fits.output_error import least_largest_error
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators
-from setid.feasible_points.fits.separate_noise import separate_noise
+from setid.feasible_points.fits.separate_noise import separate_noise, with_faster_poles
 from setid.feasible_points.fits.stable_poles import monic
 from setid.feasible_points.witness import Witness, consistent, least_noise
 from setid.formulation.formulation import (
@@ -73,7 +73,7 @@ Samples = tuple[tuple[int, int], ...]  # records, from 1, and samples, from 0
 Refuted = tuple[float, ParameterBox | DenominatorCells]  # a factor, and why it is too small
 T = TypeVar("T")
 
-_SEARCH = 5.0  # seconds for a better estimate, or units of work
+_SEARCH, _SEARCH_SHARE = 5.0, 0.6  # seconds for a better estimate, or units of work; of the time
 _MANY = 100  # equations: where cones of denominators come first
 _LARGE = 200  # equations: where the engine's relaxations are large
 _SHARE = 0.85  # of the time, for what refutes denominators
@@ -81,6 +81,8 @@ _ROWS, _NEAR = 0.4, 0.2  # of the time, and of the tolerance, where sums of prod
 _MORE = 1.0 + 1e-3  # times what an estimate needs: room to prove that it is consistent
 _BEYOND = 2.0  # times a refuted factor, where none is known to be attained
 _STARTS = 3  # denominators from which a fit begins
+_FIT = 0.5  # of the time left, for a fit of several denominators: its proof needs some
+_RADII = 0.99, 0.9, 0.5, 0.0  # times poles, where that fit is not proved to be consistent
 
 
 @warns_once
@@ -237,6 +239,15 @@ class _Question:
         )
 
 
+class _Explained(NamedTuple):
+    """A problem at a factor, all unknowns there, and a witness where these are proved."""
+
+    formulation: Formulation
+    limit: float
+    x: Reals | None
+    witness: Reals | None
+
+
 def _of_one_offset(formulation: Formulation) -> Formulation:
     """State rows with an offset of the equation, which data bound, where nothing is given of it."""
     found = driven(formulation) if formulation.model.initial == "free" else None
@@ -288,8 +299,7 @@ def _by_exact_readings(asked: _Question, formulation: Formulation) -> Consistenc
 
 def _by_engine(asked: _Question, before: Consistency | None) -> Consistency:
     until, rounding = asked.deadline.end, asked.rounding
-    formulation, limit, x = _begun(asked, before)
-    witness = None if x is None else asked.kept(partial(_witness, formulation, x))
+    formulation, limit, x, witness = _begun(asked, before)
     high = inf if witness is None else _rounded_up(limit)
     attained = witness is not None
     by_rows = asked.kept(partial(refuted_factor, asked.stated, limit, until, attained))
@@ -324,22 +334,28 @@ def _by_engine(asked: _Question, before: Consistency | None) -> Consistency:
     )
 
 
-def _begun(asked: _Question, before: Consistency | None) -> tuple[Formulation, float, Reals | None]:
-    """A factor that explains the data as far as is known, its problem, and all unknowns there."""
+def _begun(asked: _Question, before: Consistency | None) -> _Explained:
+    """What explains the data as far as is known, perhaps with less noise than an estimate."""
     if before is None or before.witness is None:
-        limit, x = _explaining(asked)
+        begun = _explaining(asked)
     else:
-        limit, x = before.limit, before.witness
-    rounding = asked.rounding
-    limit = max(limit, rounding)
-    formulation, until = asked.stated(limit), asked.deadline.end
-    if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        less = partial(search_factor, formulation, x, Deadline.before(until, _SEARCH))
-        found = asked.kept(less)
-        if found is not None and found.share < 1.0:
-            limit, x = max(limit * found.share * _MORE, rounding), found.x
-            formulation = asked.stated(limit)
-    return formulation, limit, x
+        formulation = asked.stated(before.limit)
+        begun = _Explained(formulation, before.limit, before.witness, before.witness)
+    until = asked.deadline.end
+    if _is_boxed(begun.formulation, until):
+        return begun
+    search = partial(
+        search_factor, begun.formulation, begun.x, Deadline.before(until, _SEARCH, _SEARCH_SHARE)
+    )
+    found = asked.kept(search)
+    if found is None or not found.share < 1.0:
+        return begun
+    limit = max(begun.limit * found.share * _MORE, asked.rounding)
+    less = asked.stated(limit)
+    witness = asked.kept(partial(_witness, less, found.x))
+    if witness is None and begun.witness is not None:
+        return begun
+    return _Explained(less, limit, found.x, witness)
 
 
 def _rounded_up(factor: float) -> float:
@@ -360,14 +376,8 @@ def _is_long(formulation: Formulation) -> bool:
 def _by_denominators(asked: _Question) -> Consistency:
     given = asked.stated(1.0)
     refuted, best = _refuted_denominators(given, asked.settings, asked.deadline)
-    formulation, limit, witness, high = given, 1.0, None, inf
-    for level, x in _estimates(asked, given, best):
-        limit = max(level * _MORE, asked.rounding)
-        formulation = asked.stated(limit)
-        witness = asked.kept(partial(_witness, formulation, x))
-        if witness is not None:
-            high = _rounded_up(limit)
-            break
+    formulation, limit, _, witness = _explaining(asked, best)
+    high = inf if witness is None else _rounded_up(limit)
     scale = 0.0 if refuted is None else refuted[0], high
     problem = problem_with_factor(formulation, None)
     return asked.answer(formulation, scale, witness, problem, limit=limit, refuted=refuted)
@@ -416,21 +426,31 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
     return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 
-def _explaining(asked: _Question) -> tuple[float, Reals | None]:
-    """A factor with which some estimate is consistent, a little more than it needs."""
-    found = _estimates(asked, asked.stated(1.0))
-    for level, x in found:
-        witness = asked.kept(partial(_witness, asked.stated(level * _MORE), x))
+def _explaining(asked: _Question, denominators: Iterable[Reals] = ()) -> _Explained:
+    """Prove that an estimate explains the data with a little more noise than it needs."""
+    first: _Explained | None = None
+    for level, x in _estimates(asked, asked.stated(1.0), denominators):
+        limit = max(level * _MORE, asked.rounding)
+        formulation = asked.stated(limit)
+        witness = asked.kept(partial(_witness, formulation, x))
+        found = _Explained(formulation, limit, x if witness is None else witness, witness)
         if witness is not None:
-            return level * _MORE, witness
-    return (found[0][0] * _MORE, found[0][1]) if found else (1.0, None)
+            return found
+        first = first or found
+    if first is not None:
+        return first
+    limit = max(1.0, asked.rounding)
+    return _Explained(asked.stated(limit), limit, None, None)
 
 
 def _estimates(
     asked: _Question, formulation: Formulation, denominators: Iterable[Reals] = ()
-) -> list[tuple[float, Reals]]:
+) -> Iterator[tuple[float, Reals]]:
     """Factors that estimates need, with all unknowns; the least one first."""
     data = asked.data
+    if has_separate_denominators(formulation.model) and not np.any(np.isnan(data.u)):
+        yield from _estimates_apart(asked, formulation)
+        return
     found: list[tuple[float, Reals]] = []
     until = asked.deadline.end
     estimates: list[Callable[[], Reals]] = [
@@ -438,10 +458,7 @@ def _estimates(
         lambda: least_squares(data, formulation.model).theta,
     ]
     output = formulation.noise.bounds(data).output
-    if has_separate_denominators(formulation.model) and not np.any(np.isnan(data.u)):
-        found_apart = separate_noise(formulation, until)
-        estimates = [] if found_apart is None else [lambda: found_apart[0]]
-    elif np.any(output > 0):
+    if np.any(output > 0):
         fit = partial(least_largest_error, data, formulation.model, output, until=until)
         begun = [partial(fit, denominator) for denominator in denominators]
         estimates = [*begun[:1], fit, *begun[1:], *estimates]
@@ -456,14 +473,30 @@ def _estimates(
             break
         if np.isfinite(witness.level):
             found.append((witness.level, witness.x))
-    return sorted(found, key=lambda pair: pair[0])
+    yield from sorted(found, key=lambda pair: pair[0])
+
+
+def _estimates_apart(asked: _Question, formulation: Formulation) -> Iterator[tuple[float, Reals]]:
+    """The same of several denominators: little noise first, then faster poles where asked on."""
+    fit = partial(separate_noise, formulation, asked.deadline.part(_FIT).end)
+    found = asked.kept(fit)
+    for radius in (1.0, *_RADII) if found is not None else ():
+        moved = found if radius == 1.0 else with_faster_poles(formulation, found[0], radius)
+        if moved is not None:
+            witness = asked.kept(partial(_clipped, formulation, moved[0]))
+            if witness is not None and np.isfinite(witness.level):
+                yield witness.level, witness.x
 
 
 def _explained(
     formulation: Formulation, estimate: Callable[[], Reals], until: float
 ) -> Witness | None:
     """Find the least noise with which an estimate, moved into its priors, explains the data."""
-    theta = _poles_inside(formulation, estimate(), until)
+    return _clipped(formulation, _poles_inside(formulation, estimate(), until))
+
+
+def _clipped(formulation: Formulation, theta: Reals) -> Witness:
+    """Find the least noise of parameters that are moved within their bounds."""
     low, high = formulation.problem.lower[: theta.size], formulation.problem.upper[: theta.size]
     return least_noise(formulation, np.clip(theta, low, high))
 

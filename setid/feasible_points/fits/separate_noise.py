@@ -7,6 +7,7 @@ the denominators begin from minima of least squares. Nothing proved rests on the
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from math import inf
 
 import numpy as np
@@ -17,9 +18,10 @@ from setid.feasible_points.fits.exchanges import Approximation, approximated
 from setid.feasible_points.fits.separate_denominators import OutputFit, SeparateOutput, fit_outputs
 from setid.feasible_points.fits.stable_poles import monic
 from setid.formulation.formulation import Formulation
+from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 
-__all__ = ["separate_noise"]
+__all__ = ["separate_noise", "with_faster_poles"]
 
 Reals = NDArray[np.float64]
 _STARTS = 3
@@ -30,7 +32,9 @@ _APART = 1e-3  # least distance of minima that count as two
 _LEAST = 1e-9  # of the largest noise bound
 
 
-def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals, Reals] | None:
+def separate_noise(
+    formulation: Formulation, until: float = inf, enough: float = 0.0
+) -> tuple[Reals, Reals] | None:
     """Search parameters that need little noise in each output.
 
     Parameters
@@ -39,6 +43,8 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
         Of a transfer function with noisy outputs and complete inputs.
     until : float
         The reading of ``time.monotonic`` at which the best so far is taken.
+    enough : float
+        Part of the noise bounds with which the search of an output ends.
 
     Returns
     -------
@@ -48,21 +54,70 @@ def separate_noise(formulation: Formulation, until: float = inf) -> tuple[Reals,
     or None
         Where some output has too few readings, or none with noise.
     """
-    model, data = formulation.model, formulation.data
-    assert isinstance(model, TransferFunction)
-    bounds = formulation.noise.bounds(data).output
-    stable = frozenset[tuple[str, ...]]().union(*(p.stable(model) for p in formulation.priors))
+    model = formulation.model
 
     def fit(output: SeparateOutput) -> OutputFit | None:
         now = time.monotonic()
         own = now + max(until - now, 0.0) / (model.outputs - output.number)
-        bound, y = bounds[:, output.number], data.y[:, output.number]
-        size = np.maximum(bound, _LEAST * float(bound.max()))
-        if not np.all(size > 0.0):
-            return None
-        return _Descent(output, y, size, stable).run(own)
+        descent = _descent(formulation, output)
+        return None if descent is None else descent.run(own, enough)
 
-    return fit_outputs(data, model, fit)
+    return fit_outputs(formulation.data, _checked(model), fit)
+
+
+def with_faster_poles(
+    formulation: Formulation, theta: Reals, radius: float
+) -> tuple[Reals, Reals] | None:
+    """Multiply all poles of parameters by a radius, and fit all else again in the largest error.
+
+    Where slow poles almost cancel, rounding of the first samples grows until nothing is proved.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        As of :func:`separate_noise`.
+    theta : (p,) float
+    radius : float
+        From 0 to 1.
+
+    Returns
+    -------
+    theta, outputs : ndarray
+        As of :func:`separate_noise`.
+    or None
+        Where the largest error has no fit.
+    """
+    values = dict(zip(formulation.parameters, theta.tolist(), strict=True))
+
+    def fit(output: SeparateOutput) -> OutputFit | None:
+        parts = [
+            [values[name] * radius ** (k + 1) for k, name in enumerate(names)]
+            for names in output.names
+        ]
+        descent = _descent(formulation, output)
+        return None if descent is None else descent.at(np.concatenate(parts))
+
+    return fit_outputs(formulation.data, _checked(formulation.model), fit)
+
+
+def _checked(model: Structure) -> TransferFunction:
+    assert isinstance(model, TransferFunction)
+    return model
+
+
+def _descent(formulation: Formulation, output: SeparateOutput) -> _Descent | None:
+    """Begin with one output; None where it has no noise."""
+    model, data = formulation.model, formulation.data
+    stable = frozenset[tuple[str, ...]]().union(*(p.stable(model) for p in formulation.priors))
+    bound = formulation.noise.bounds(data).output[:, output.number]
+    size = np.maximum(bound, _LEAST * float(bound.max()))
+    if not np.all(size > 0.0):
+        return None
+    return _Descent(output, data.y[:, output.number], size, stable)
+
+
+class _Enough(Exception):
+    """Raised inside a descent that has come low enough."""
 
 
 class _Descent:
@@ -74,10 +129,24 @@ class _Descent:
         self._output, self._stable = output, [names in stable for names in output.names]
         self._bound = bound[output.known]
         self._target = y[output.known] / self._bound
-        self._best, self._level = np.zeros(0), _FAR
+        self._best, self._level, self._enough = np.zeros(0), _FAR, 0.0
 
-    def run(self, until: float) -> OutputFit | None:
+    def run(self, until: float, enough: float) -> OutputFit | None:
         """Descend from several minima of least squares; return outputs and parameters."""
+        self._enough = enough
+        with suppress(_Enough):
+            self._search(until)
+        return self.at(self._best) if self._level < _FAR else None
+
+    def at(self, a: Reals) -> OutputFit | None:
+        """Return outputs and parameters with the best of all else for some denominators."""
+        found = self._approximation(a)
+        if found is None:
+            return None
+        basis, approximation = found
+        return self._output.at(a, basis @ approximation.coefficients * self._bound)
+
+    def _search(self, until: float) -> None:
         starts = list[Reals]()
         for _, a in self._output.minima(until):
             if all(np.abs(a - other).max(initial=0.0) > _APART for other in starts):
@@ -88,11 +157,6 @@ class _Descent:
                 a = self._descended(a, until)
                 if not self._level < (1.0 - _ALMOST) * before:
                     break
-        found = self._approximation(self._best) if self._level < _FAR else None
-        if found is None:
-            return None
-        basis, approximation = found
-        return self._output.at(self._best, basis @ approximation.coefficients * self._bound)
 
     def _descended(self, a: Reals, until: float) -> Reals:
         """Descend from some denominators (J. A. Nelder, R. Mead, 1965)."""
@@ -104,6 +168,8 @@ class _Descent:
             found = self._approximation(inside)
             if found is not None and found[1].level < self._level:
                 self._level, self._best = found[1].level, inside
+                if self._level <= self._enough:
+                    raise _Enough
             return _FAR if found is None else found[1].level
 
         simplex = a + _STEP * np.vstack([np.zeros(a.size), np.eye(a.size)])
