@@ -24,7 +24,7 @@ from setid.errors import ModelError, NoiseError, SetidError, warns_once
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.fits.output_error import least_largest_error
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators
-from setid.feasible_points.fits.separate_noise import separate_noise, with_faster_poles
+from setid.feasible_points.fits.separate_noise import estimates_of_little_noise
 from setid.feasible_points.fits.stable_poles import monic
 from setid.feasible_points.witness import Witness, consistent, least_noise
 from setid.formulation.formulation import (
@@ -82,7 +82,6 @@ _MORE = 1.0 + 1e-3  # times what an estimate needs: room to prove that it is con
 _BEYOND = 2.0  # times a refuted factor, where none is known to be attained
 _STARTS = 3  # denominators from which a fit begins
 _FIT = 0.5  # of the time left, for a fit of several denominators: its proof needs some
-_RADII = 0.99, 0.9, 0.5, 0.0  # times poles, where that fit is not proved to be consistent
 
 
 @warns_once
@@ -477,15 +476,12 @@ def _estimates(
 
 
 def _estimates_apart(asked: _Question, formulation: Formulation) -> Iterator[tuple[float, Reals]]:
-    """The same of several denominators: little noise first, then faster poles where asked on."""
-    fit = partial(separate_noise, formulation, asked.deadline.part(_FIT).end)
-    found = asked.kept(fit)
-    for radius in (1.0, *_RADII) if found is not None else ():
-        moved = found if radius == 1.0 else with_faster_poles(formulation, found[0], radius)
-        if moved is not None:
-            witness = asked.kept(partial(_clipped, formulation, moved[0]))
-            if witness is not None and np.isfinite(witness.level):
-                yield witness.level, witness.x
+    """The same of several denominators; later ones need more noise, but are easier to prove."""
+    estimates = estimates_of_little_noise(formulation, asked.deadline.part(_FIT).end)
+    while (theta := asked.kept(partial(next, estimates, None))) is not None:
+        witness = asked.kept(partial(_clipped, formulation, theta))
+        if witness is not None and np.isfinite(witness.level):
+            yield witness.level, witness.x
 
 
 def _explained(

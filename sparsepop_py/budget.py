@@ -253,7 +253,9 @@ class Deadline:
 
     @property
     def pace(self) -> float:
-        """Wall seconds to a CPU second so far, at least 1."""
+        """Wall seconds to a CPU second so far, at least 1; of a part, those of the whole."""
+        if self._whole is not None:  # which has seen more of the machine
+            return self._whole.pace
         used = max(1e-2, time.process_time() - self._begin_cpu)
         return float(np.clip((time.monotonic() - self._begin) / used, 1.0, _MOST_PACE))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,12 +38,15 @@ class BoundingContext:
         CPU seconds by stage; the stages add to it.
     on_progress : callable, optional
         Called with new bounds, as by :func:`setid.identify`.
+    known : mapping of str to float, optional
+        Parameters that are consistent, where a search came before all stages.
     """
 
     settings: Options
     deadline: Deadline
     timings: dict[str, float]
     on_progress: OnProgress | None = None
+    known: Mapping[str, float] | None = None
 
     @property
     def until(self) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
-from setid.bounding.engine import by_engine
+from setid.bounding.engine import by_engine, first_points
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
@@ -74,6 +75,9 @@ def by_driven_rows(
     outcome = replace(outcome, problem=problem, driven=found, notes=tuple(dict.fromkeys(notes)))
     scaled = in_units(problem, formulation)
     points = context.timed("points", lambda: _points(formulation, scaled, found))
+    if not points and context.known is not None:
+        begin = partial(first_points, formulation, problem, scaled, context)
+        _, points = context.kept("points", begin, (None, []))
     p = len(formulation.parameters)
     if np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return by_engine(formulation, context, outcome, False, points, at_ends=False)

@@ -41,7 +41,7 @@ from setid.result.identification import Identification
 from setid.result.progress import Progress
 from sparsepop_py.budget import EARLY, Deadline, spent
 
-__all__ = ["by_engine", "points_at_ends", "recheck_results"]
+__all__ = ["by_engine", "first_points", "points_at_ends", "recheck_results"]
 
 _SEARCH = 10.0  # units of work, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
@@ -122,8 +122,13 @@ def _solve(
         start, points = known[0].x * scaled.units, list(known)
     else:
         fits = context.deadline.part(_FITS)
-        find = partial(_start, formulation, problem, scaled, fits)
-        start, points, at_ends = context.kept("start", find, (None, [], False))
+        begin = partial(first_points, formulation, problem, scaled, context)
+        start, points = context.kept("start", begin, (None, []))
+        at_ends = False
+        if start is not None:
+            find = partial(_ends, formulation, problem, scaled, start, fits)
+            found, at_ends = context.kept("start", find, ([], False))
+            points = [*found, *points]
     engine = settings.for_engine(until=context.deadline.wall_end)
     if context.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=context.deadline.cpu_left)
@@ -181,17 +186,38 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     return made
 
 
-def _start(
-    formulation: Formulation, problem: sp.Problem, scaled: InUnits, deadline: Deadline
-) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint], bool]:
-    """Find a consistent vector, proved points where the engine would find none, and their place.
+def first_points(
+    formulation: Formulation, problem: sp.Problem, scaled: InUnits, context: BoundingContext
+) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
+    """Find a nearly feasible vector, proved where a point was known before all stages.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sparsepop_py.Problem
+        Its problem on a box of the parameters.
+    scaled : InUnits
+        The problem that a point is proved to be consistent with.
+    context : BoundingContext
+    """
+    start = first_point(formulation, problem, context.known)
+    if start is None or context.known is None:
+        return start, []
+    return start, _proved(formulation, scaled, [start], context.deadline)
+
+
+def _ends(
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    start: NDArray[np.float64],
+    deadline: Deadline,
+) -> tuple[list[sp.ProvedPoint], bool]:
+    """Find proved points where the engine would find none, and say whether all ends have some.
 
     Those are ends where rows couple samples or long records have sums of products, and any point
     of another long record, whose equations are solved one after the other for their newest samples.
     """
-    start = first_point(formulation, problem)
-    if start is None:
-        return None, [], False
     long, found = is_long(formulation), list[NDArray[np.float64]]()
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
@@ -202,7 +228,7 @@ def _start(
         found = _ends_without_sums(formulation, problem, start)
     if not found and long:
         found = [start]
-    return start, _proved(formulation, scaled, found, deadline), at_ends
+    return _proved(formulation, scaled, found, deadline), at_ends
 
 
 def points_at_ends(

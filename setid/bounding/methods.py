@@ -12,7 +12,9 @@ The box of the parameters comes from the data alone and is part of the proof.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -31,6 +33,7 @@ from setid.feasible_points.cascades import (
     cascade_of,
     is_cascade,
 )
+from setid.feasible_points.start import consistent_apart
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, formulate, lifted, without_partial_outputs
 from setid.minimum_noise.cones.feasible_box import settles
@@ -56,6 +59,8 @@ _NOT_AT_REST = (
     f"denominators: {NOT_CLAIMED}"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
+_FIT = 0.5  # of the time, for consistent parameters of several denominators
+_BOX = 0.8  # of the time left, for a box where such are known: ends are searched from them
 _SEARCH = 10.0  # seconds, or units of work, to find samples that contradict each other
 
 
@@ -71,6 +76,7 @@ def bound_parameters(formulation: Formulation, context: BoundingContext) -> Iden
     formulation : Formulation
     context : BoundingContext
     """
+    context = replace(context, known=_known(formulation, context))
     kept = _linear_priors(formulation)
     by_cones = long_record(formulation) is not None and settles(formulation)
     if len(kept) == len(formulation.priors) or by_cones:
@@ -83,6 +89,17 @@ def bound_parameters(formulation: Formulation, context: BoundingContext) -> Iden
     model = found.formulation.model
     fewer = formulate(formulation.data, model, formulation.noise, kept)
     return _intersect(found, _by_methods(fewer, context), context.settings.tol)
+
+
+def _known(formulation: Formulation, context: BoundingContext) -> Mapping[str, float] | None:
+    """Search consistent parameters of several denominators, whose boxes take all time there is."""
+    direct, until = without_partial_outputs(formulation), context.deadline.part(_FIT).end
+    if direct.model.initial != formulation.model.initial:
+        return None  # nothing attained is claimed there
+    found: Mapping[str, float] | None = context.kept(
+        "known point", partial(consistent_apart, direct, until), None
+    )
+    return found
 
 
 def _linear_priors(formulation: Formulation) -> list[Prior]:
@@ -162,14 +179,15 @@ def _on_box(
 ) -> Identification:
     """Find a box from the data, then bound the parameters on it."""
     late, until = object(), context.until
-    box = context.kept("box", lambda: find_box(formulation, until), late)
-    over = time.monotonic() >= until
+    within = until if context.known is None else context.deadline.part(_BOX).end
+    box = context.kept("box", lambda: find_box(formulation, within), late)
+    over = time.monotonic() >= within
     if box is late:
         box, notes = None, (*notes, STOPPED if context.deadline.stopped else NO_BOX)
     if box is not None and box.empty:
         found = conflicting_rows(formulation, box)
-        within = Deadline.before(until, _SEARCH)
-        keys = found or conflicting_samples(formulation, None, within)
+        search = Deadline.before(until, _SEARCH)
+        keys = found or conflicting_samples(formulation, None, search)
         return context.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and (box.cut_short or (over and _is_loose(box))):
         notes = (*notes, STOPPED if context.deadline.stopped else NO_BOX)

@@ -16,8 +16,7 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
-from setid.bounding.engine import points_at_ends
-from setid.feasible_points.start import first_point
+from setid.bounding.engine import first_points, points_at_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded
@@ -67,8 +66,7 @@ def without_box(
     notes = (*outcome.notes, *(free_text(free) or why))
     scaled, results = in_units(stated_problem(outcome), formulation), tuple[sp.Result, ...]()
     if unbounded is None and not free:
-        attain = partial(_attained, formulation, stated_problem(outcome), scaled, context)
-        results = context.kept("points", attain, ())
+        results = _attained(formulation, stated_problem(outcome), scaled, context)
     items = intervals_of(formulation, scaled, results, context.settings.tol)
     items = [with_unbounded(item, unbounded, free, alone) for item in items]
     outcome = replace(outcome, notes=notes, unbounded=unbounded, results=results)
@@ -79,13 +77,27 @@ def _attained(
     formulation: Formulation, problem: sp.Problem, scaled: InUnits, context: BoundingContext
 ) -> tuple[sp.Result, ...]:
     """Attain both ends of all parameters as far as searches come; nothing else is claimed."""
-    start, p = first_point(formulation, problem), len(formulation.parameters)
+    begin = partial(first_points, formulation, problem, scaled, context)
+    start, points = context.kept("points", begin, (None, []))
     if start is None:
         return ()
+    find = partial(_near_ends, formulation, problem, scaled, context, start)
+    found = context.kept("points", find, [])
+    return best_results(formulation, scaled, [*found, *points])
+
+
+def _near_ends(
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    context: BoundingContext,
+    start: NDArray[np.float64],
+) -> list[sp.ProvedPoint]:
+    """Search for ends in a wide box about a start."""
+    p = len(formulation.parameters)
     lower, upper = problem.lower.copy(), problem.upper.copy()
     room = _ROOM * np.maximum(np.abs(start[:p]), 1.0)
     lower[:p] = np.where(np.isfinite(lower[:p]), lower[:p], start[:p] - room)
     upper[:p] = np.where(np.isfinite(upper[:p]), upper[:p], start[:p] + room)
     near = sp.Problem(problem.objective, problem.constraints, lower, upper, problem.names)
-    points = points_at_ends(formulation, near, scaled, start, context.deadline.part(_SHARE))
-    return best_results(formulation, scaled, points)
+    return points_at_ends(formulation, near, scaled, start, context.deadline.part(_SHARE))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from math import inf
@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.fits.output_error import least_largest_error
-from setid.feasible_points.witness import least_noise
+from setid.feasible_points.fits.separate_denominators import has_separate_denominators
+from setid.feasible_points.fits.separate_noise import estimates_of_little_noise
+from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation
+from setid.formulation.lifting import DRIVEN
+from setid.models.lti import TransferFunction
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
-__all__ = ["Repair", "candidates", "first_point"]
+__all__ = ["Repair", "candidates", "consistent_apart", "first_point"]
+
+_ENOUGH = 0.98  # of the noise: where a search for some consistent parameters ends
 
 
 def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
@@ -34,10 +40,51 @@ def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np
     return [theta for theta in found if np.all(np.isfinite(theta))]
 
 
-def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.float64] | None:
-    """Choose the candidate that needs the least noise; return it with that noise."""
+def consistent_apart(formulation: Formulation, until: float = inf) -> dict[str, float] | None:
+    """Search parameters that are proved consistent where an output has several denominators.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    until : float
+        The reading of ``time.monotonic`` at which the fit takes the best so far.
+
+    Returns
+    -------
+    dict of str to float, or None
+        None for other structures too, and where the inputs have gaps.
+    """
+    data, model, p = formulation.data, formulation.model, len(formulation.parameters)
+    if not has_separate_denominators(model) or np.isnan(data.u).any():
+        return None
+    if not np.all(np.any(formulation.noise.bounds(data).output > 0, axis=0)):
+        return None
+    lower, upper = formulation.problem.lower[:p], formulation.problem.upper[:p]
+    for enough in (_ENOUGH, 0.0):
+        for estimate in estimates_of_little_noise(formulation, until, enough):
+            theta = np.clip(estimate, lower, upper)
+            witness = least_noise(formulation, theta)
+            if witness.level <= 1.0 and consistent(formulation, theta, witness.x) is not None:
+                return dict(zip(formulation.parameters, theta.tolist(), strict=True))
+    return None
+
+
+def first_point(
+    formulation: Formulation, problem: sp.Problem, known: Mapping[str, float] | None = None
+) -> NDArray[np.float64] | None:
+    """Choose the candidate that needs the least noise; return it with that noise.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sparsepop_py.Problem
+        Its problem on a box of the parameters.
+    known : mapping of str to float, optional
+        Parameters that are consistent, of the same structure with offsets of the outputs.
+    """
     best: tuple[float, NDArray[np.float64] | None] = (inf, None)
-    for theta in chain(candidates(formulation, problem), _simulated(formulation, problem)):
+    more = _simulated(formulation, problem) if known is None else _given(formulation, known)
+    for theta in chain(candidates(formulation, problem), more):
         try:
             witness = least_noise(formulation, theta)
         except ModelError:
@@ -47,6 +94,16 @@ def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.flo
         if best[0] <= 1.0:
             break
     return best[1]
+
+
+def _given(formulation: Formulation, known: Mapping[str, float]) -> Iterator[NDArray[np.float64]]:
+    """Known parameters, with the offset that drives the equation where that is the parameter."""
+    model, theta = formulation.model, dict(known)
+    if isinstance(model, TransferFunction) and model.form == DRIVEN:
+        for output, name in enumerate(model.offsets()):
+            for denominator in model.denominators(output):
+                theta[name] *= 1.0 + sum(theta[a] for a in denominator)
+    yield np.array([theta[name] for name in formulation.parameters])
 
 
 def _simulated(formulation: Formulation, problem: sp.Problem) -> Iterator[NDArray[np.float64]]:

@@ -7,6 +7,7 @@ the denominators begin from minima of least squares. Nothing proved rests on the
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from math import inf
 
@@ -21,7 +22,7 @@ from setid.formulation.formulation import Formulation
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 
-__all__ = ["separate_noise", "with_faster_poles"]
+__all__ = ["estimates_of_little_noise", "separate_noise"]
 
 Reals = NDArray[np.float64]
 _STARTS = 3
@@ -29,6 +30,7 @@ _DESCENT, _STEP, _AGAIN = 60, 0.03, 3  # evaluations for each unknown, first ste
 _ALMOST = 1e-4  # of a level: where descents end
 _FAR = 1e100
 _APART = 1e-3  # least distance of minima that count as two
+_RADII = 0.99, 0.9, 0.5, 0.0  # times poles, for estimates that are easier to prove
 _LEAST = 1e-9  # of the largest noise bound
 
 
@@ -65,28 +67,31 @@ def separate_noise(
     return fit_outputs(formulation.data, _checked(model), fit)
 
 
-def with_faster_poles(
-    formulation: Formulation, theta: Reals, radius: float
-) -> tuple[Reals, Reals] | None:
-    """Multiply all poles of parameters by a radius, and fit all else again in the largest error.
+def estimates_of_little_noise(
+    formulation: Formulation, until: float = inf, enough: float = 0.0
+) -> Iterator[Reals]:
+    """Yield parameters (p,) with little noise, then with faster poles and all else fitted again.
 
     Where slow poles almost cancel, rounding of the first samples grows until nothing is proved.
 
     Parameters
     ----------
-    formulation : Formulation
-        As of :func:`separate_noise`.
-    theta : (p,) float
-    radius : float
-        From 0 to 1.
-
-    Returns
-    -------
-    theta, outputs : ndarray
-        As of :func:`separate_noise`.
-    or None
-        Where the largest error has no fit.
+    formulation, until, enough
+        As of :func:`separate_noise`. Where that finds nothing, nothing is yielded.
     """
+    found = separate_noise(formulation, until, enough)
+    if found is None:
+        return
+    yield found[0]
+    for radius in _RADII:
+        moved = _with_faster_poles(formulation, found[0], radius)
+        if moved is not None:
+            yield moved[0]
+
+
+def _with_faster_poles(
+    formulation: Formulation, theta: Reals, radius: float
+) -> tuple[Reals, Reals] | None:
     values = dict(zip(formulation.parameters, theta.tolist(), strict=True))
 
     def fit(output: SeparateOutput) -> OutputFit | None:
