@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
 from setid.bounding.engine import by_engine, first_points
+from setid.feasible_points.start import with_offsets
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
@@ -76,8 +76,7 @@ def by_driven_rows(
     scaled = in_units(problem, formulation)
     points = context.timed("points", lambda: _points(formulation, scaled, found))
     if not points and context.known is not None:
-        begin = partial(first_points, formulation, problem, scaled, context)
-        _, points = context.kept("points", begin, (None, []))
+        _, points = first_points(formulation, problem, scaled, context)
     p = len(formulation.parameters)
     if np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return by_engine(formulation, context, outcome, False, points, at_ends=False)
@@ -96,7 +95,7 @@ def _points(
     every = [w for interval in found.intervals.values() for w in interval.witnesses]
     points = list[sp.ProvedPoint]()
     for witness in {w.tobytes(): w for w in every if w is not None}.values():
-        theta = _with_offsets(formulation, witness[: len(formulation.parameters)])
+        theta = with_offsets(formulation, witness[: len(formulation.parameters)])
         if theta is None:
             continue
         x = np.zeros(layout.dimension)
@@ -107,17 +106,3 @@ def _points(
         point = prove_feasible(scaled.problem, x / scaled.units)
         points += [] if point is None else [point]
     return points
-
-
-def _with_offsets(formulation: Formulation, given: Reals) -> Reals | None:
-    """Parameters with offsets of the outputs; None where a denominator is zero at q = 1."""
-    model, theta = formulation.model, given.copy()
-    assert isinstance(model, TransferFunction)
-    place = {name: k for k, name in enumerate(formulation.parameters)}
-    for output, name in enumerate(model.offsets()):
-        factors = [1.0 + sum(theta[place[a]] for a in d) for d in model.denominators(output)]
-        gain = float(np.prod(factors))
-        if gain == 0.0:
-            return None
-        theta[place[name]] /= gain
-    return theta

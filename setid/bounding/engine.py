@@ -122,8 +122,7 @@ def _solve(
         start, points = known[0].x * scaled.units, list(known)
     else:
         fits = context.deadline.part(_FITS)
-        begin = partial(first_points, formulation, problem, scaled, context)
-        start, points = context.kept("start", begin, (None, []))
+        start, points = first_points(formulation, problem, scaled, context)
         at_ends = False
         if start is not None:
             find = partial(_ends, formulation, problem, scaled, start, fits)
@@ -200,10 +199,19 @@ def first_points(
         The problem that a point is proved to be consistent with.
     context : BoundingContext
     """
-    start = first_point(formulation, problem, context.known)
-    if start is None or context.known is None:
-        return start, []
-    return start, _proved(formulation, scaled, [start], context.deadline)
+    find = partial(first_point, formulation, problem, context.known)
+    if context.known is None:
+        return context.kept("start", find, None), []
+    if context.deadline.stopped:
+        return None, []
+    try:  # late too: there is a proof already, of a problem without this box and these units
+        start = context.timed("start", find)
+        return start, [] if start is None else _proved(
+            formulation, scaled, [start], context.deadline
+        )
+    except EARLY as cause:
+        context.deadline.ended(cause)
+        return None, []
 
 
 def _ends(

@@ -77,8 +77,7 @@ def _attained(
     formulation: Formulation, problem: sp.Problem, scaled: InUnits, context: BoundingContext
 ) -> tuple[sp.Result, ...]:
     """Attain both ends of all parameters as far as searches come; nothing else is claimed."""
-    begin = partial(first_points, formulation, problem, scaled, context)
-    start, points = context.kept("points", begin, (None, []))
+    start, points = first_points(formulation, problem, scaled, context)
     if start is None:
         return ()
     find = partial(_near_ends, formulation, problem, scaled, context, start)

@@ -19,9 +19,10 @@ from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import DRIVEN
 from setid.models.lti import TransferFunction
+from setid.proofs.driven import driven
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
-__all__ = ["Repair", "candidates", "consistent_apart", "first_point"]
+__all__ = ["Repair", "candidates", "consistent_apart", "first_point", "with_offsets"]
 
 _ENOUGH = 0.98  # of the noise: where a search for some consistent parameters ends
 
@@ -60,9 +61,15 @@ def consistent_apart(formulation: Formulation, until: float = inf) -> dict[str, 
     if not np.all(np.any(formulation.noise.bounds(data).output > 0, axis=0)):
         return None
     lower, upper = formulation.problem.lower[:p], formulation.problem.upper[:p]
-    for enough in (_ENOUGH, 0.0):
-        for estimate in estimates_of_little_noise(formulation, until, enough):
-            theta = np.clip(estimate, lower, upper)
+    rows = driven(formulation)  # the fit that finds the least noise is of these
+    for asked, enough in ((rows, _ENOUGH), (formulation, _ENOUGH), (rows, 0.0)):
+        if asked is None:
+            continue
+        for estimate in estimates_of_little_noise(asked, until, enough):
+            moved = estimate if asked is formulation else with_offsets(formulation, estimate)
+            if moved is None:
+                continue
+            theta = np.clip(moved, lower, upper)
             witness = least_noise(formulation, theta)
             if witness.level <= 1.0 and consistent(formulation, theta, witness.x) is not None:
                 return dict(zip(formulation.parameters, theta.tolist(), strict=True))
@@ -94,6 +101,35 @@ def first_point(
         if best[0] <= 1.0:
             break
     return best[1]
+
+
+def with_offsets(
+    formulation: Formulation, given: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Replace offsets that drive equations by those of the outputs.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        With offsets of the outputs.
+    given : (p,) float
+        Parameters of its rows of :func:`setid.proofs.driven.driven`.
+
+    Returns
+    -------
+    (p,) float or None
+        None where a denominator is zero at q = 1.
+    """
+    model, theta = formulation.model, given.copy()
+    assert isinstance(model, TransferFunction)
+    place = {name: k for k, name in enumerate(formulation.parameters)}
+    for output, name in enumerate(model.offsets()):
+        factors = [1.0 + sum(theta[place[a]] for a in d) for d in model.denominators(output)]
+        gain = float(np.prod(factors))
+        if gain == 0.0:
+            return None
+        theta[place[name]] /= gain
+    return theta
 
 
 def _given(formulation: Formulation, known: Mapping[str, float]) -> Iterator[NDArray[np.float64]]:
