@@ -108,6 +108,13 @@ def test_a_part_of_what_is_left(clocks):
     assert deadline.part(0.5, otherwise=1e9).left < 1e8
 
 
+def test_a_part_knows_how_fast_cpu_time_passes(clocks):
+    deadline = Deadline(cpu_limit=8.0)
+    clocks.wall += 20.0
+    clocks.cpu += 4.0
+    assert deadline.part(0.5).left == pytest.approx(2.0 * 5.0)
+
+
 def test_parts_share_work_and_pass_on_what_other_processes_spent(clocks):
     deadline = Deadline(None, work_limit=8.0)
     part = deadline.part(0.5, otherwise=2.0)

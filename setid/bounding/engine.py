@@ -118,6 +118,7 @@ def _solve(
         formulation.parameters, settings.tol, settings.progress, units, context.on_progress
     )
     branch_on = range(len(formulation.parameters)) if coupled(formulation) else None
+    start: NDArray[np.float64] | None
     if known:
         start, points = known[0].x * scaled.units, list(known)
     else:
