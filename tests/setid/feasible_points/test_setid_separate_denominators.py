@@ -7,7 +7,6 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 import setid
-from setid.bounding import methods
 from setid.feasible_points.fits.separate_denominators import (
     SeparateOutput,
     has_separate_denominators,
@@ -16,7 +15,6 @@ from setid.feasible_points.fits.separate_denominators import (
 from setid.feasible_points.fits.separate_noise import estimates_of_little_noise, separate_noise
 from setid.formulation.formulation import without_partial_outputs
 from setid.simulation.responses import run
-from sparsepop_py.budget import LimitReached
 
 THETA = [-0.8, -0.5, 1.0, 0.3, -0.6, 0.2, 2.0]
 MODEL = setid.TransferFunction(1, 2, 1, inputs=2, offset=True)
@@ -129,9 +127,9 @@ def test_estimates_end_with_impulse_responses_that_need_the_least_noise() -> Non
     formulation = without_partial_outputs(given)
     *_, last = estimates_of_little_noise(formulation, enough=np.inf)
     assert not np.any(last[:2])
-    y, u = data.y[2:, 0], data.u
-    rows = np.column_stack([u[1:-1, 0], u[:-2, 0], u[1:-1, 1], u[:-2, 1], np.ones(22)])
-    sizes = np.ones((22, 1))
+    y, u = data.y[3:, 0], data.u[1:]  # the first samples are free
+    rows = np.column_stack([u[1:-1, 0], u[:-2, 0], u[1:-1, 1], u[:-2, 1], np.ones(21)])
+    sizes = np.ones((21, 1))
     program = linprog(
         [0.0] * 5 + [1.0],
         np.block([[rows, -sizes], [-rows, -sizes]]),
@@ -140,19 +138,3 @@ def test_estimates_end_with_impulse_responses_that_need_the_least_noise() -> Non
     )
     found = setid.least_noise(formulation, last).level
     assert program.fun <= found * (1 + 1e-9) and found <= 1.002 * program.fun
-
-
-def test_a_consistent_vector_is_known_although_no_box_is_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def late(*given: object) -> None:
-        raise LimitReached
-
-    monkeypatch.setattr(methods, "find_box", late)
-    rng = np.random.default_rng(2)
-    u = rng.standard_normal((20, 2))
-    data = setid.IOData(u, np.sin(np.arange(20) ** 1.3) + 0.2 * u[:, 0])
-    model = setid.TransferFunction(1, 1, 1, inputs=2, offset=True)
-    noise, options = setid.Noise(output=0.865), setid.Options(cpu_limit=1.0)
-    result = setid.identify(data, model, noise, setid.Stable(), options)
-    assert all(item.inner is not None for item in result.intervals.values())
