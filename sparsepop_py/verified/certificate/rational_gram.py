@@ -8,10 +8,12 @@ keeps the row of the constant for the end:
 
     f_0 - c = q' Q^+ q,   q being the row of the constant without its diagonal.
 
-The elimination prefers rows with few entries and short chains of rows eliminated before. A long
-chain is then eliminated from many places at once, and the fractions stay short. That of a large
-matrix takes seconds. It is a function of the matrix and the objective alone, so the last one is
-remembered, by a digest of all their numbers.
+A definite Q of many rows is not eliminated: a point near the minimiser shows nearly as much
+(:mod:`~sparsepop_py.verified.certificate.dense_rows`). The elimination prefers rows with few
+entries and short chains of rows eliminated before. A long chain is then eliminated from many
+places at once, and the fractions stay short. That of a large matrix takes seconds. It is a
+function of the matrix and the objective alone, so the last one is remembered, by a digest of all
+their numbers.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.dense_rows import hidden_by_definite, hidden_by_minors
 from sparsepop_py.verified.certificate.independent_rows import (
     Entries,
     eliminate_independent,
@@ -41,6 +44,9 @@ from sparsepop_py.verified.certificate.independent_rows import (
 __all__ = ["ExactGram", "RationalPolynomial"]
 
 _MANY = 200  # monomials from which rows are eliminated many at a time, as far as they fit
+_SMALL = 40  # monomials up to which elimination takes no time
+_DENSE = 0.3  # share of entries from which no order of elimination keeps zeros
+_LARGE = 1000  # monomials from which factors in floating point take long
 _BITS = 1_000_000  # numbers longer than this end the elimination without a result
 
 Rows = dict[int, dict[int, Fraction]]
@@ -159,7 +165,7 @@ class ExactGram:
 
     def _hidden_in_fractions(self, objective: Polynomial | RationalPolynomial) -> Fraction | None:
         rows = self._matrix(objective)
-        return None if rows is None else _eliminated(rows)
+        return None if rows is None else _taken(rows)
 
     def _hidden_in_whole_numbers(self, objective: Polynomial) -> Fraction | None:
         scaled = self._whole_matrix(objective)
@@ -172,7 +178,7 @@ class ExactGram:
         if found is None:
             return None
         left, lost = found
-        rest = _eliminated(_rows(left))
+        rest = _taken(_rows(left))
         if rest is None:
             return None
         terms = [
@@ -275,6 +281,17 @@ def _add(rows: Rows, i: int, j: int, value: Fraction) -> None:
             rows[a][b] = total
         else:
             rows[a].pop(b, None)
+
+
+def _taken(rows: Rows) -> Fraction | None:
+    """Compute q' Q^+ q, row 0 = q, or slightly more; None unless Q is semidefinite."""
+    if _SMALL < len(rows) <= _LARGE:
+        found = hidden_by_definite(rows)
+        if found is not None:
+            return found
+        if sum(map(len, rows.values())) >= _DENSE * len(rows) ** 2:
+            return hidden_by_minors(rows)
+    return _eliminated(rows)
 
 
 def _eliminated(rows: Rows) -> Fraction | None:
