@@ -10,6 +10,7 @@ direction along which the objective falls without limit is sought.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -18,11 +19,14 @@ from math import lcm
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.bounding.exact_linear import linear_bounds
 from sparsepop_py.bounding.relaxation_bound import BoxBound, CertifiedBound, Model, certified_bound
 from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.budget import Deadline, LimitReached, check
 from sparsepop_py.context import SolveContext
 from sparsepop_py.lp.rational_projection import Row, near_fraction, projected
 from sparsepop_py.problem.problem import Problem
@@ -38,6 +42,9 @@ from sparsepop_py.verified.certificate.steps import BoxProof
 
 __all__ = ["exact_convex_bound", "falling_direction", "has_linear_rows"]
 
+_DEFINITE = 1e-8  # least eigenvalue with a diagonal of 1; less may be rounding
+_SYMMETRIC = {"SymmetricMode": True}
+_SHARE = 0.7  # of the time left that exact proofs take at most: relaxations may prove more
 _TRIES = 4  # times that multipliers with the wrong sign are left out
 
 
@@ -83,7 +90,7 @@ def exact_convex_bound(
     replay = context.at_cutoff()
     best = BoxBound(prove(replay, model.box, None, False), Node())
     solved = found.status in ("solved", "almost")
-    with context.stages.stage("certify"):
+    with context.stages.stage("certify"), _within(context.deadline.part(_SHARE)):
         duals = program.duals(problem, found) if solved else iter(())
         for dual, empty in chain(duals, program.by_pivots(problem)):
             proved = prove(replay, model.box, dual, empty)
@@ -92,6 +99,16 @@ def exact_convex_bound(
                 break
     starts = [found.x] if solved else [nearest.x] if found.status == "unbounded" else []
     return certified_bound(replay, model, best), starts
+
+
+@contextmanager
+def _within(part: Deadline) -> Iterator[None]:
+    """End the body with a part of the time, without an exception while time is left."""
+    try:
+        with part.kept(0.0):
+            yield
+    except LimitReached:
+        check()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,18 +132,19 @@ class _Program:
         if not self.hessian.nnz:
             return True
         used = np.unique(self.hessian.indices)
-        if used.size > BOUNDING.convex_variables or self.hessian.nnz > BOUNDING.convex_entries:
+        if self.hessian.nnz > BOUNDING.convex_entries:
             return False
-        values = np.linalg.eigvalsh(self.hessian[used][:, used].toarray())
-        return bool(values[0] >= -1e-9 * max(values[-1], 0.0))
+        return _is_definite(self.hessian[used][:, used], -1e-9)
 
     def duals(self, problem: Problem, found: QuadraticSolution) -> Iterator[tuple[ExactDual, bool]]:
         """Yield multipliers with which the gradient of the Lagrangian vanishes somewhere.
 
-        First at a point on the active rows, where the bound is the optimum, then anywhere.
+        At a point on the active rows, where the bound is the optimum, or anywhere, which loses
+        the square of what multipliers are off. That comes first where elimination takes time.
         """
         equality, near = self.rows.equality, found.multipliers
-        for vertex in (True, False):
+        few = self.rows.dimension <= BOUNDING.few_monomials
+        for vertex in (few, not few):
             chosen = equality | (near > found.slack)
             for _ in range(_TRIES):
                 values = self._projected(np.flatnonzero(chosen), found, vertex)
@@ -144,7 +162,8 @@ class _Program:
     ) -> dict[int, Fraction] | None:
         """Solve hessian u + cost = A' multipliers in rationals for u and the multipliers.
 
-        With ``vertex`` the chosen rows vanish at u.
+        With ``vertex`` the chosen rows vanish at u. Else equations are left out that some u
+        solves whatever the multipliers are.
         """
         n, rows = self.rows.dimension, self.rows
         table: list[Row] = [{} for _ in range(n)]
@@ -161,6 +180,9 @@ class _Program:
             if vertex and self.hessian.nnz:
                 table.append({int(j): value for j, value in slope})
                 right.append(-Fraction(float(rows.constant[k])))
+        if not vertex:
+            kept = np.flatnonzero(~self._definite()).tolist()
+            table, right = [table[j] for j in kept], [right[j] for j in kept]
         free = rows.equality[chosen]
         others = chosen[~free]
         near = found.multipliers
@@ -172,6 +194,19 @@ class _Program:
         start = [near_fraction(v) for v in [*found.x.tolist(), *near.tolist()]]
         values = projected(table, right, order, start)
         return None if values is None else {k: values[n + k] for k in chosen.tolist()}
+
+    def _definite(self) -> NDArray[np.bool_]:
+        """Mark the variables of parts of the Hessian that are clearly definite."""
+        count, part = connected_components(self.hessian, directed=False)
+        size = self.hessian.diagonal()
+        definite = size > 0.0
+        for k in np.unique(part[definite]).tolist() if count else []:
+            inside = np.flatnonzero(part == k)
+            scale = 1.0 / np.sqrt(np.where(definite[inside], size[inside], np.inf))
+            weights = sps.diags_array(scale)
+            matrix = weights @ self.hessian[inside][:, inside] @ weights
+            definite[inside] &= _is_definite(sps.csc_array(matrix), _DEFINITE)
+        return definite
 
     def _dual(self, problem: Problem, values: dict[int, Fraction]) -> ExactDual:
         kept = {k: v for k, v in values.items() if v}
@@ -199,6 +234,23 @@ class _Program:
     def nothing(problem: Problem) -> Polynomial:
         """Return the objective 0."""
         return problem.objective * 0.0
+
+
+def _is_definite(matrix: sps.csc_array, least: float) -> bool:
+    """Check in floating point that no eigenvalue is below a share of the largest entry.
+
+    Large matrices are factorized with pivots on the diagonal, which are all positive then.
+    """
+    least *= float(np.abs(matrix.data).max(initial=0.0))
+    if matrix.shape[0] <= BOUNDING.convex_variables:
+        return bool(np.linalg.eigvalsh(matrix.toarray())[0] >= least)
+    shifted = sps.csc_array(matrix - least * sps.eye_array(matrix.shape[0]))
+    try:
+        factors = splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=_SYMMETRIC)
+    except RuntimeError:  # singular
+        return False
+    on_diagonal = np.array_equal(factors.perm_r, factors.perm_c)
+    return on_diagonal and bool(np.all(factors.U.diagonal() > 0.0))
 
 
 def _quadratic_gram(hessian: sps.csc_array) -> ExactGram:

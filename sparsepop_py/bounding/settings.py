@@ -63,9 +63,10 @@ class BoundingSettings:
         Relative gap at which a better point is looked for before a relaxation is solved.
     linear_entries : int
         Entries of a matrix of linear rows up to which it is formed densely.
-    convex_variables, convex_entries : int
-        Variables, and entries of the Hessian, up to which a quadratic objective is recognised as
-        convex.
+    convex_entries : int
+        Entries of the Hessian up to which a quadratic objective is recognised as convex.
+    convex_variables : int
+        Variables up to which its eigenvalues are computed; larger matrices are factorized.
     lost : float
         Share of a solver's value; where the proof loses more, it is tried on another box.
     convex_accuracy : float
@@ -98,7 +99,7 @@ class BoundingSettings:
     far_incumbent: float = 0.01
     linear_entries: int = 1_000_000
     convex_variables: int = 1000
-    convex_entries: int = 90_000
+    convex_entries: int = 250_000
     lost: float = 1e-7
     convex_accuracy: float = 1e-10
     exact_variables: int = 40

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -10,7 +11,11 @@ import pytest
 from random_cases import over_a_polyhedron
 
 import sparsepop_py as sp
+from sparsepop_py.bounding import exact_convex
 from sparsepop_py.bounding.exact_convex import falling_direction
+from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.budget import Deadline, LimitReached, check
+from sparsepop_py.verified.certificate import rational_gram
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 INF = np.inf
@@ -121,3 +126,41 @@ def test_a_false_row_without_variables_is_infeasible():
     x, y = sp.variables(2)
     for row in (0 * x - 1 >= 0, 0 * y + 2 == 0):
         assert sp.solve(sp.Problem(x**2 + y, [row])).status == "INFEASIBLE"
+
+
+@pytest.mark.parametrize("rank", [30, 60])
+def test_dense_forms_of_many_variables(monkeypatch, rank):
+    """f = (x - p)' H (x - p) / 2 + 2 (a'x - b) with a'p = b is least at p over a'x >= b: 0."""
+    monkeypatch.setattr(rational_gram, "_eliminated", lambda rows: pytest.fail("eliminated"))
+    n, rng = 60, np.random.default_rng(rank)
+    root = rng.integers(-3, 4, (n, rank))
+    hessian, p, a = root @ root.T, rng.integers(-2, 3, n), root @ rng.integers(-1, 2, rank)
+    i, j = np.triu_indices(n)
+    words = [*zip(i + 1, j + 1, strict=True), *((0, k) for k in range(1, n + 1)), (0, 0)]
+    linear = 2 * a - hessian @ p
+    constant = p @ hessian @ p / 2 - 2 * a @ p
+    values = [*(hessian[i, j] * np.where(i == j, 0.5, 1.0)), *linear, constant]
+    objective = sp.Polynomial.from_words(np.array(words, np.int32), np.array(values, float), n)
+    row = objective.from_words(np.array(words[-n - 1 :], np.int32), np.append(a, -a @ p) * 1.0, n)
+    result = sp.solve(sp.Problem(objective, [row >= 0]), sp.Options(time_limit=20), start=p)
+    assert -1e-9 <= result.lower_bound <= 0.0
+
+
+def test_large_hessians_are_factorized(monkeypatch):
+    """The path of 30 springs is semidefinite, and no longer so with one spring that pushes."""
+    fewer = replace(BOUNDING, convex_variables=10)
+    monkeypatch.setattr(exact_convex, "BOUNDING", fewer)
+    x = sp.variables(30)
+    springs = sp.total((a - b) ** 2 for a, b in pairwise(x))
+    assert exact_convex._Program.of(sp.Problem(springs)).convex()
+    pushing = springs - 1.5 * (x[3] - x[4]) ** 2
+    assert not exact_convex._Program.of(sp.Problem(pushing)).convex()
+    assert not exact_convex._Program.of(sp.Problem(springs - x[0] ** 2 / 1000)).convex()
+
+
+def test_a_part_of_the_time_ends_without_an_exception():
+    with exact_convex._within(Deadline(1e-9)):
+        check()
+        pytest.fail("not ended")
+    with pytest.raises(LimitReached), Deadline(1e-9).kept(), exact_convex._within(Deadline(1.0)):
+        check()
