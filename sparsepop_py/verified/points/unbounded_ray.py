@@ -25,6 +25,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint, exact_coord
 
 __all__ = ["falling_ray"]
 
+_ROUNDING = 1e-4  # share of its terms that a constraint is off where rounding is no cause
 _LIMIT = 200  # variables; the search tries 2n + a few directions exactly
 
 
@@ -94,12 +95,19 @@ def _recede(problem: Problem, directions: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _promises(problem: Problem, x: NDArray[Any], direction: NDArray[Any]) -> bool:
-    """Check in floating point that the objective falls far out along the ray."""
+    """Check in floating point that far out the objective falls and no constraint is far off."""
     if not np.any(direction):
         return False
+    system = problem.rows
     with np.errstate(all="ignore"):
         values = [problem.objective(x + s * direction) for s in (0.0, 1e4, 1e6)]
-    return values[2] < values[1] < values[0]
+        if not values[2] < values[1] < values[0]:
+            return False
+        there = x + 1e6 * direction
+        terms = system.coefficients * monomials.evaluate(system.words, there)
+        value, size = (np.bincount(system.row, v, system.size) for v in (terms, np.abs(terms)))
+        off = np.where(problem.equality, -np.abs(value), value) < -_ROUNDING * size
+    return not np.any(off)
 
 
 def _proves(problem: Problem, origin: list[Fraction], direction: NDArray[Any]) -> bool:

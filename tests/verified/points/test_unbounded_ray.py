@@ -10,6 +10,7 @@ from exact_polynomials import value_at
 
 import sparsepop_py as sp
 from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.verified.points import unbounded_ray
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 
@@ -133,3 +134,12 @@ def test_random_cones(seed):
     else:
         assert result.status is not sp.Status.UNBOUNDED
         assert result.lower_bound <= 0.0 <= result.upper_bound
+
+
+def test_rays_that_leave_a_ball_are_not_followed_in_rationals(monkeypatch):
+    """x1 x2 + x3 falls along several axes, each of which soon leaves the ball."""
+    x = sp.variables(3)
+    problem = sp.Problem(x[0] * x[1] + x[2] - x[0], [sp.total(v * v for v in x) <= 4])
+    start = prove_feasible(problem, np.zeros(3))
+    monkeypatch.setattr(unbounded_ray, "_along", lambda *_: pytest.fail("followed"))
+    assert start.proof == "exact" and falling_ray(problem, start) is None
