@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
+from sparsepop_py.budget import Deadline
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.size_limits import affordable, worth_building
 from sparsepop_py.problem.problem import Problem
@@ -172,8 +173,12 @@ def _sublevel(
     if problem.constraints or np.any(unbounded & (np.isfinite(box.lo) | np.isfinite(box.hi))):
         tries.insert(0, (loose, rows))
     scales = _SCALES if np.count_nonzero(unbounded) <= _FEW else _SCALES[:1]
+    deadline = Deadline(options.time_limit)  # of all of them
     for scale in scales:
         for around, active in tries:
+            if deadline.over:
+                return None
+            options = replace(options, time_limit=deadline.left)
             step = _sublevel_on(problem, incumbent, (box, around), active, options, scale)
             if step is not None:
                 return step

@@ -27,8 +27,8 @@ from sparsepop_py.bounding.relaxation_bound import (
     closed_without_relaxation,
     lower_bound,
 )
-from sparsepop_py.bounding.unconstrained import good_enough
-from sparsepop_py.budget import EARLY, cpu_seconds
+from sparsepop_py.bounding.unconstrained import good_enough, may_be_squares
+from sparsepop_py.budget import EARLY, LimitReached, check, cpu_seconds
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.options import Options
@@ -134,11 +134,40 @@ def _by_relaxations(
             more_starts,
             partial(_run_orders, shared=None, more_starts=more_starts),
         )
-    state = _run_orders(context, candidates, shared, more_starts)
+    run = _within_a_part if _may_need_squares(context) else _run_orders
+    state = run(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         state = further(state, add_unconstrained_bound)
         return further(state, partial(_on_gram_box, more_starts=more_starts))
     return state
+
+
+def _may_need_squares(context: SolveContext) -> bool:
+    """Check for an objective that a bound on the whole space may have to follow."""
+    problem = context.problem
+    if context.options.effort != "presolve" or context.deadline.unlimited:
+        return False
+    if finite(Interval(problem.lower, problem.upper)) or problem.objective.degree < 2:
+        return False
+    return may_be_squares(problem.objective)
+
+
+def _within_a_part(
+    context: SolveContext,
+    candidates: list[NDArray[Any]],
+    shared: Model | None,
+    more_starts: Iterator[NDArray[Any]],
+) -> SearchState:
+    """Solve relaxations in a part of the time and work; what they found till then is kept."""
+    part = context.deadline.part(STRATEGY.share_before_squares)
+    try:
+        with part.kept():
+            found = _run_orders(replace(context, deadline=part), candidates, shared, more_starts)
+    except LimitReached:
+        check()  # raises where all of the time is over
+        found = unstarted_state(context, candidates)
+    context.deadline.cut |= part.cut or part.over
+    return replace(found, context=replace(found.context, deadline=context.deadline))
 
 
 def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:

@@ -40,6 +40,8 @@ class StrategySettings:
         Share of a width: in a smaller box relaxations are worth solving again.
     steps_before_squares : int
         Steps of an objective before it is bounded on the whole space.
+    share_before_squares : float
+        Share of the time for relaxations without a finite box, where such a bound may follow.
     long_first_seconds : float
         Expected seconds of the first step beyond which that bound comes before it.
     turn_steps : int
@@ -84,6 +86,7 @@ class StrategySettings:
     poor_cutoff_share: float = 0.5
     smaller_box_share: float = 0.7
     steps_before_squares: int = 1
+    share_before_squares: float = 0.5
     long_first_seconds: float = 0.5
     turn_steps: int = 5
     little_gain_share: float = 0.5

@@ -481,3 +481,16 @@ def test_boxes_that_are_points_have_relaxations_without_moments(refine, lower, p
     assert result.lower_bound == pytest.approx(least, abs=1e-6)
     ratio = sp.solve(sp.RationalProblem(y / (1 + y**2), [y**power == right], lower, 1), options)
     assert ratio.lower_bound == pytest.approx(least if least == INF else least / 2, abs=1e-6)
+
+
+def test_a_bound_without_a_box_follows_relaxations_that_take_their_time(monkeypatch):
+    """(x^2 - y)^2 + y^2 - 2 y is -1 at (1, 1), in which x + y >= -9 plays no part."""
+
+    def endless(*_):
+        raise LimitReached
+
+    monkeypatch.setattr(order_loop, "_run_orders", endless)
+    x, y = sp.variables(2)
+    problem = Problem((x**2 - y) ** 2 + y**2 - 2 * y, [x + y >= -9])
+    result = sp.solve(problem, Options(time_limit=60))
+    assert -1 - 1e-6 <= result.lower_bound <= -1.0
