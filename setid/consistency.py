@@ -334,7 +334,7 @@ def _by_engine(asked: _Question, before: Consistency | None) -> Consistency:
 
 
 def _begun(asked: _Question, before: Consistency | None) -> _Explained:
-    """What explains the data as far as is known, perhaps with less noise than an estimate."""
+    """A problem that explains the data as far as is known, perhaps with less noise."""
     if before is None or before.witness is None:
         begun = _explaining(asked)
     else:

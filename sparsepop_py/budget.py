@@ -253,7 +253,7 @@ class Deadline:
 
     @property
     def pace(self) -> float:
-        """Wall seconds to a CPU second so far, at least 1; of a part, those of the whole."""
+        """Wall seconds to a CPU second of the whole so far, at least 1."""
         if self._whole is not None:  # which has seen more of the machine
             return self._whole.pace
         used = max(1e-2, time.process_time() - self._begin_cpu)

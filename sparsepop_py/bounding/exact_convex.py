@@ -103,7 +103,7 @@ def exact_convex_bound(
 
 @contextmanager
 def _within(part: Deadline) -> Iterator[None]:
-    """End the body with a part of the time, without an exception while time is left."""
+    """End the body after a part of the time; no exception while time is left."""
     try:
         with part.kept(0.0):
             yield

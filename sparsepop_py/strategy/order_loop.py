@@ -158,7 +158,7 @@ def _within_a_part(
     shared: Model | None,
     more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
-    """Solve relaxations in a part of the time and work; what they found till then is kept."""
+    """Solve relaxations in a part of the time, and keep what they found."""
     part = context.deadline.part(STRATEGY.share_before_squares)
     try:
         with part.kept():

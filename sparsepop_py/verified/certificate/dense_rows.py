@@ -1,4 +1,4 @@
-"""What squares of a dense Gram matrix cost the constant, without elimination in fractions.
+"""Bound what a dense Gram matrix hides in its constant, without elimination in fractions.
 
 Elimination of some hundred dense rows in fractions takes minutes. Where Q - d I is semidefinite
 for some d > 0, any point u will do instead:
@@ -46,7 +46,7 @@ _SAFE = 0.5  # share of the least eigenvalue that d is
 
 
 def hidden_by_definite(rows: Rows) -> Fraction | None:
-    """Bound q' Q^-1 q from above, row 0 being q and the others a definite Q.
+    """Bound q' Q^-1 q from above, row 0 = q, the others a definite Q.
 
     Parameters
     ----------

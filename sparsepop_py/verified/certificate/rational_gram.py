@@ -284,7 +284,7 @@ def _add(rows: Rows, i: int, j: int, value: Fraction) -> None:
 
 
 def _taken(rows: Rows) -> Fraction | None:
-    """Compute q' Q^+ q, row 0 = q, or slightly more; None unless Q is semidefinite."""
+    """Bound q' Q^+ q from above, row 0 = q; None unless Q is semidefinite."""
     if _SMALL < len(rows) <= _LARGE:
         found = hidden_by_definite(rows)
         if found is not None:

@@ -95,7 +95,7 @@ def _recede(problem: Problem, directions: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _promises(problem: Problem, x: NDArray[Any], direction: NDArray[Any]) -> bool:
-    """Check in floating point that far out the objective falls and no constraint is far off."""
+    """Check in floating point that the objective falls and constraints nearly hold far out."""
     if not np.any(direction):
         return False
     system = problem.rows

@@ -192,9 +192,10 @@ def test_ends_of_problems_with_many_sums_are_found_without_them():
     data = setid.simulate_record(model, theta, u, noise, rng).data
     formulation = setid.formulate(data, model, noise)
     problem = problem_on_box(formulation, find_box(formulation))
-    scaled, later = in_units(problem, formulation), Deadline(None)
-    start, points, at_ends = engine._start(formulation, problem, scaled, later)
-    assert start is not None and len(points) >= 10 and not at_ends
+    scaled, start = in_units(problem, formulation), first_point(formulation, problem)
+    assert start is not None
+    points, at_ends = engine._ends(formulation, problem, scaled, start, Deadline(None))
+    assert len(points) >= 10 and not at_ends
     about = in_units(problem, formulation)
     for point in points:
         assert about.problem.violation(point.x) < 1e-9

@@ -12,6 +12,7 @@ import sparsepop_py as sp
 from setid.bounding import engine
 from setid.feasible_points.members import noise_level
 from setid.feasible_points.simulations import Fitting
+from setid.feasible_points.start import first_point
 from setid.feasible_points.sums import ends_of_long_record, sums_recursion
 from setid.formulation.units import in_units
 from setid.models.lti import Form
@@ -103,9 +104,10 @@ def test_long_records_begin_with_their_ends() -> None:
     """Beyond 200 rows the points that the engine is given are at all ends."""
     formulation = record(230, 0.05)
     problem = on_box(formulation, 0.1)
-    scaled = in_units(problem, formulation)
-    start, points, at_ends = engine._start(formulation, problem, scaled, Deadline(None))
-    assert start is not None and at_ends and len(points) == 8
+    scaled, start = in_units(problem, formulation), first_point(formulation, problem)
+    assert start is not None
+    points, at_ends = engine._ends(formulation, problem, scaled, start, Deadline(None))
+    assert at_ends and len(points) == 8
     ends = np.array([(point.x * scaled.units)[:4] for point in points])
     assert np.all(ends.min(axis=0) < THETA) and np.all(THETA < ends.max(axis=0))
     for place in range(4):  # each is reached by the points that are meant for it
