@@ -85,7 +85,7 @@ def hidden_by_definite(rows: Rows) -> Fraction | None:
 def _whole(
     lines: list[dict[int, Fraction]], used: list[int], scale: list[int]
 ) -> tuple[list[dict[int, int]], int] | None:
-    """Scale by powers of two; return whole numbers and what they are to be divided by."""
+    """Scale by powers of two; return whole numbers and their common denominator."""
     under = lcm(*(v.denominator for line in lines for v in line.values()))
     least, place = min(0, *scale), {i: k for k, i in enumerate(used)}
     if under.bit_length() + 2 * (max(scale) - least) > _LONGEST:
