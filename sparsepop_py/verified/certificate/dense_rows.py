@@ -100,7 +100,7 @@ def _whole(
 
 
 def _binary_places(value: Fraction) -> int:
-    """Choose a power of two whose square times a value > 0 lies near 1, by its exponent."""
+    """Choose e such that 4^e times a value > 0 lies near 1."""
     return -((value.numerator.bit_length() - value.denominator.bit_length()) // 2)
 
 
