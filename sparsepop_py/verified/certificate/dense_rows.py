@@ -107,7 +107,7 @@ def _binary_places(value: Fraction) -> int:
 def _inverse(
     whole: list[dict[int, int]], under: int
 ) -> tuple[NDArray[np.float64], Fraction] | None:
-    """Compute Q^-1 roughly, and d such that Q - d I is proved semidefinite; None where not."""
+    """Compute Q^-1 roughly, and a d for which Q - d I is proved semidefinite."""
     middle = np.zeros((len(whole), len(whole)))
     for i, row in enumerate(whole):
         check()
