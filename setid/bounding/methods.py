@@ -92,7 +92,12 @@ def bound_parameters(formulation: Formulation, context: BoundingContext) -> Iden
 
 
 def _known(formulation: Formulation, context: BoundingContext) -> Mapping[str, float] | None:
-    """Search consistent parameters of several denominators, whose boxes take all time there is."""
+    """Search consistent parameters of several denominators, whose boxes take all time there is.
+
+    Where no time is given, the box comes first: searches that begin in it take less.
+    """
+    if context.deadline.unlimited:
+        return None
     direct, until = without_partial_outputs(formulation), context.deadline.part(_FIT).end
     if direct.model.initial != formulation.model.initial:
         return None  # nothing attained is claimed there
