@@ -15,9 +15,9 @@ from sparsepop_py.verified.points.feasible_point import exact_coordinates
 
 
 def long_record(
-    model: setid.TransferFunction, theta: list[float]
+    model: setid.TransferFunction, theta: list[float], shape: tuple[int, ...] = (220,)
 ) -> tuple[setid.Formulation, sp.ProvedPoint]:
-    u = np.random.default_rng(0).uniform(-1.0, 1.0, 220)
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, shape)
     noise = setid.Noise(output=0.01)
     truth = setid.simulate_record(model, theta, u, noise, seed=1)
     formulation = setid.formulate(truth.data, model, noise, setid.Stable())
@@ -81,11 +81,5 @@ def test_denominators_that_share_an_integrator_are_solved_in_turn() -> None:
     model = setid.TransferFunction(2, 2, 1, inputs=3, form="lifted")
     denominators = [float(a) for pair in poles for a in np.poly(pair)[1:]]
     theta = [*denominators, 0.1, 0.05, 0.2, 0.05, 0.3, 0.05]
-    u = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 3))
-    noise = setid.Noise(output=0.01)
-    truth = setid.simulate_record(model, theta, u, noise, seed=1)
-    formulation = setid.formulate(truth.data, model, noise, setid.Stable())
-    x = setid.least_noise(formulation, theta).x
-    point = proved_point(formulation, formulation.problem, x)
-    assert point is not None and point.proof == "substitution"
+    formulation, point = long_record(model, theta, (60, 3))
     assert point.recheck(formulation.problem) is not None
