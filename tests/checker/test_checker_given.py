@@ -162,6 +162,7 @@ def test_zeros_in_the_disc_are_found_as_numpy_finds_them() -> None:
     assert min(seen.values()) > 50
     assert in_disc([]) and in_disc([iv.around(-1, -1)])
     assert not in_disc([iv.around(-1, 1.125)])
+    assert not in_disc([iv.around(0.5, 0.5), iv.around(-0.6, -0.1)])  # at -0.6 one is beyond -1
     integrator = np.poly([1.0, 0.5, 0.25, 0.75])[1:].tolist()  # whole multiples of 1/64
     assert in_disc([iv.around(v, v) for v in integrator])
     assert not in_disc([iv.ONE, iv.around(-0.5, 0.25)])  # at -1/2 a zero is beyond -1

@@ -367,13 +367,13 @@ def test_more_ends_than_those_of_the_parameters_are_malformed(name, field):
         Identification(found)
 
 
-def gapped(ranges):
+def gapped(ranges, error=0.0):
     """y(k) + a1 y(k-1) = b0 u(k), sample 4 missing: y(4) = -a1 y(3) + b0 u(4)."""
     u, y = [1.0, 0.5, 1.0, -1.0, 1.0, 0.5], [1.0, 1.0, 1.5, None, 0.875, 0.9375]
     data = setid.IOData(u, [math.nan if v is None else v for v in y], y_range=ranges)
     priors = [setid.Box({"a1": (-0.75, -0.25), "b0": (0.5, 1.5)})]
     options = setid.Options(time_limit=5.0, progress=False)
-    noise = setid.Noise(output=0.125)
+    noise = setid.Noise(output=0.125, equation=error)
     result = setid.identify(data, setid.TransferFunction(1, 1), noise, priors, options)
     return json.loads(certificate_text(result))["identification"]
 
@@ -391,6 +391,19 @@ def test_the_range_that_its_equation_implies_bounds_a_missing_output(ranges):
     assert about.bounds(place)[1] == pytest.approx(0.5 if ranges and high > ranges[0][1] else high)
     found["problem"]["lower"]["data"][place] += 1e-9 / found["units"][place]
     assert verdict(found) == "refused"
+
+
+def test_the_error_of_an_equation_widens_what_it_implies_of_a_missing_output():
+    """As above, and an error of 1/16 in the equation."""
+    found = gapped(None, 0.0625)
+    about = Identification(found)
+    about.check()
+    (place,) = (v for v, key in enumerate(about.keys) if key == ("y", 1, 3))
+    low = 0.25 * 1.375 - 1.5 - 0.0625
+    assert about.bounds(place)[0] == pytest.approx(low, abs=1e-12)
+    found["problem"]["lower"]["data"][place] += 0.03125 / found["units"][place]
+    with pytest.raises(NotProved, match=r"those of y1\[4\] do not follow"):
+        Identification(found).check()
 
 
 LISTS = {
