@@ -82,18 +82,26 @@ def test_attained_ends_are_verified_and_stored(result: setid.Identification) -> 
     ]
 
 
+@pytest.mark.parametrize("limit", [None, 60.0])
 def test_an_interrupted_search_leaves_what_is_proved(
-    result: setid.Identification, monkeypatch: pytest.MonkeyPatch
+    limit: float | None, result: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Under a limit that is one vector: it is known before the search for a box begins."""
+
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("setid.bounding.methods.find_box", lambda *_: result.evidence.box)
     monkeypatch.setattr("setid.bounding.without_box.points_at_ends", interrupted)
     model, data = record()
-    found = setid.identify(data, model, setid.Noise(output=NOISE))
-    assert all(item.inner is None for item in found.intervals.values())
+    options = setid.Options(time_limit=limit)
+    found = setid.identify(data, model, setid.Noise(output=NOISE), options=options)
     assert found.verify()
+    for item in found.intervals.values():
+        if limit is None:
+            assert item.inner is None
+        else:
+            assert item.inner is not None and item.inner[1] - item.inner[0] <= 1e-9
 
 
 @pytest.mark.parametrize("cause", slow_after(1, [LimitReached, KeyboardInterrupt]))

@@ -150,8 +150,12 @@ def test_attained_points_are_read_as_their_proofs_give_them() -> None:
     result = setid.identify(data, model, setid.Noise(output=0.1), [priors], FAST)
     found = json.loads(result.to_json())
     ends = found["result"]["ends"]
+    radius, ends["attained"][0]["radius"] = ends["attained"][0]["radius"], 0.0
+    again = setid.Identification.from_json(json.dumps(found)).results[0]
+    assert again.attained.radius == radius > 0.0
     ends["results"][0]["upper_bound"] = ends["attained"][0]["value"] = -8.0
-    ends["attained"][0]["radius"] = 0.0
+    again = setid.Identification.from_json(json.dumps(found)).results[0]
+    assert again.upper_bound >= again.attained.value >= -1.1 / 0.9 - 1e-12
     ends["attained"][0]["x"]["data"][0] -= 0.25
     again = setid.Identification.from_json(json.dumps(found)).results[0]
     assert again.upper_bound >= again.attained.value >= -1.1 / 0.9 - 1e-12
