@@ -19,7 +19,6 @@ from setid.feasible_points.fits.exchanges import Approximation, approximated
 from setid.feasible_points.fits.separate_denominators import OutputFit, SeparateOutput, fit_outputs
 from setid.feasible_points.fits.stable_poles import monic
 from setid.formulation.formulation import Formulation
-from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 
 __all__ = ["estimates_of_little_noise", "separate_noise"]
@@ -57,6 +56,7 @@ def separate_noise(
         Where some output has too few readings, or none with noise.
     """
     model = formulation.model
+    assert isinstance(model, TransferFunction)
 
     def fit(output: SeparateOutput) -> OutputFit | None:
         now = time.monotonic()
@@ -64,7 +64,7 @@ def separate_noise(
         descent = _descent(formulation, output)
         return None if descent is None else descent.run(own, enough)
 
-    return fit_outputs(formulation.data, _checked(model), fit)
+    return fit_outputs(formulation.data, model, fit)
 
 
 def estimates_of_little_noise(
@@ -92,6 +92,9 @@ def estimates_of_little_noise(
 def _with_faster_poles(
     formulation: Formulation, theta: Reals, radius: float
 ) -> tuple[Reals, Reals] | None:
+    """Multiply poles by a radius and fit all else again; theta and outputs as above."""
+    model = formulation.model
+    assert isinstance(model, TransferFunction)
     values = dict(zip(formulation.parameters, theta.tolist(), strict=True))
 
     def fit(output: SeparateOutput) -> OutputFit | None:
@@ -102,12 +105,7 @@ def _with_faster_poles(
         descent = _descent(formulation, output)
         return None if descent is None else descent.at(np.concatenate(parts))
 
-    return fit_outputs(formulation.data, _checked(formulation.model), fit)
-
-
-def _checked(model: Structure) -> TransferFunction:
-    assert isinstance(model, TransferFunction)
-    return model
+    return fit_outputs(formulation.data, model, fit)
 
 
 def _descent(formulation: Formulation, output: SeparateOutput) -> _Descent | None:
