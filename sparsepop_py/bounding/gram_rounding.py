@@ -33,7 +33,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.assemble import assemble, split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
 from sparsepop_py.relaxation.moment import Relaxation, on_groups
-from sparsepop_py.relaxation.term_sparsity import term_sparse
+from sparsepop_py.relaxation.term_sparsity import TermGraphs
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
@@ -180,19 +180,17 @@ def where_terms_are(
             blocks.setdefault(size, []).append(BlockGroup(False, zero, group.clique[chosen], basis))
     groups = stacked_groups([block for parts in blocks.values() for block in parts])
     system = generators.stacked(relaxation.problem, relaxation.products)
-    closed = (  # where nearly all products occur, cliques overlap and hold more than components
-        term_sparse(groups, system, objective.words, n, method, steps=1)
-        for method in ("chordal", "components")
-    )
+    graphs = TermGraphs.of(groups, system, objective.words, n)
+    # where nearly all products occur, cliques overlap and hold more than components
+    closed = (graphs.split("chordal", steps=1), graphs.split("components", steps=1))
     groups = min(closed, key=lambda found: sum(group.rows_each * group.count for group in found))
-    made = [g.products().reshape(-1, 2 * g.basis.shape[2]) for g in groups]
-    if not made:
+    if not groups:
         return None
-    distinct, _ = monomials.collect(monomials.stack(made), n)
-    missing = monomials.lookup(objective.words, distinct, n) < 0
-    if np.any(objective.words[missing]):
-        return None
-    return on_groups(relaxation, groups)
+    found = on_groups(relaxation, groups)
+    held = np.bincount(found.entries.indices, minlength=found.entries.shape[1]) > 0
+    number = monomials.lookup(objective.words, found.moments, n)
+    missing = (number < 0) | ~held[number + 1]
+    return None if np.any(objective.words[missing]) else found
 
 
 def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.float64]:

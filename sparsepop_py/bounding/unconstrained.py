@@ -151,13 +151,14 @@ def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | Non
     """
     options, problem = context.options, Problem(context.problem.objective)
     with context.stages.stage("relax"):
-        scaled = Scaled.of(problem, Scaling.of_box(bare.box), (problem.objective,))
-        objectives, order = scaled.objectives, least_order(problem)
-        cliques = find_cliques(scaled.problem, options.sparse, options.chordal, objectives)
-        if not worth_building(scaled.problem, cliques, order, options.memory_limit):
+        order = least_order(problem)
+        cliques = find_cliques(problem, options.sparse, options.chordal)
+        if not worth_building(problem, cliques, order, options.memory_limit):
             return None
         if largest_basis(cliques, order) <= BOUNDING.few_monomials:
             return None
+        scaled = Scaled.of(problem, Scaling.of_box(bare.box), (problem.objective,))
+        objectives = scaled.objectives
         whole = relax(scaled.problem, order, cliques=cliques, objectives=objectives, terms="sign")
         largest = max(whole.block_sizes)
         if largest <= BOUNDING.few_monomials:

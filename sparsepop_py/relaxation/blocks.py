@@ -121,7 +121,9 @@ class BlockGroup:
         block, term = source.terms_of(number)
         row = block[:, None] * each + np.arange(each)
         check()
-        words = monomials.multiply(products[block], source.words[term][:, None, :])
+        words, factor = products[block], source.words[term]
+        if factor.any():  # not of moment matrices
+            words = monomials.multiply(words, factor[:, None, :])
         words = monomials.trim(words.reshape(-1, words.shape[-1]))
         return row.ravel(), words, np.repeat(source.coefficients[term], each)
 

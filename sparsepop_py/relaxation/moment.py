@@ -297,6 +297,7 @@ def relax(
     whole = isinstance(order, numbers.Integral) and not isinstance(order, bool)
     if order is not None and (not whole or order >= 2**31):
         raise ProblemError(f"order: found {shown(order)}, expected an integer below 2^31")
+    objectives = [f for f in objectives if f is not problem.objective]
     cliques = cliques or find_cliques(problem, objectives=objectives)
     least = objective_order(problem, objectives) if partial else least_order(problem, objectives)
     notes: tuple[str, ...] = ()

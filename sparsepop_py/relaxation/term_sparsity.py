@@ -49,7 +49,7 @@ from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, row_monomials, st
 from sparsepop_py.relaxation.sign_symmetry import invariant_words, sign_codes
 from sparsepop_py.sparsity.chordal import chordal_extension, clique_tree
 
-__all__ = ["Closure", "Terms", "term_sparse"]
+__all__ = ["Closure", "TermGraphs", "Terms", "term_sparse"]
 
 Closure = Literal["components", "chordal", "sign"]
 Terms = Literal["none", "components", "chordal", "sign"]
@@ -110,38 +110,72 @@ def term_sparse(
     >>> sorted(sp.relax(problem, 2, terms="sign").block_sizes.items())
     [(1, 9), (3, 1)]
     """
-    if method not in ("components", "chordal", "sign"):
-        raise ProblemError(f"method: found {method!r}, expected 'components', 'chordal' or 'sign'")
-    if steps is not None and steps < 1:
-        raise ProblemError(f"steps: found {steps}, expected at least 1")
-    system = _merged(system)
-    start = _initial_support(groups, system, support)
-    tables, distinct, number = _numbered(groups, system, start, dimension)
-    code = sign_codes(start, dimension)
-    even = np.bitwise_xor.reduce(code[distinct], axis=1) == 0
-    alive = even.copy()
-    if method != "sign":
-        alive[:] = False
-        alive[number] = True
-    step = 0
-    while True:
-        step += 1
-        check()
-        grown, covers = alive.copy(), []
-        for table in tables:
-            # an arrow would lose its shape if it fell into cliques
-            chordal = method == "chordal" and table.group.place is None
-            inside, cover = table.close(alive, chordal)
-            grown[table.words(inside)] = True
-            covers.append(cover)
-        grown &= even  # what a sign change negates may be zero
-        if method == "sign" or step == steps or np.array_equal(grown, alive):
-            break
-        alive = grown
-    blocks: Blocks = []
-    for table, cover in zip(tables, covers, strict=True):
-        blocks += table.blocks(cover, even)
-    return stacked_groups(_distinct(blocks, dimension))
+    return TermGraphs.of(groups, system, support, dimension).split(method, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class TermGraphs:
+    """The monomials of all blocks, to be split by more than one method.
+
+    Parameters
+    ----------
+    tables : list of table
+        Groups of blocks with the numbers of their monomials.
+    known : (M,) bool
+        Monomials that count as occurring.
+    even : (M,) bool
+        Monomials that no sign change negates.
+    dimension : int
+        Number of variables.
+    """
+
+    tables: list[_Table]
+    known: NDArray[np.bool_]
+    even: NDArray[np.bool_]
+    dimension: int
+
+    @staticmethod
+    def of(
+        groups: tuple[BlockGroup, ...], system: Generators, support: Words, dimension: int
+    ) -> TermGraphs:
+        """Number the monomials of groups, arguments as of :func:`term_sparse`."""
+        system = _merged(system)
+        start = _initial_support(groups, system, support)
+        tables, distinct, number = _numbered(groups, system, start, dimension)
+        code = sign_codes(start, dimension)
+        even = np.bitwise_xor.reduce(code[distinct], axis=1) == 0
+        known = np.zeros(even.size, bool)
+        known[number] = True
+        return TermGraphs(tables, known, even, dimension)
+
+    def split(self, method: Closure, steps: int | None = None) -> tuple[BlockGroup, ...]:
+        """Split the blocks, see :func:`term_sparse`."""
+        if method not in ("components", "chordal", "sign"):
+            raise ProblemError(
+                f"method: found {method!r}, expected 'components', 'chordal' or 'sign'"
+            )
+        if steps is not None and steps < 1:
+            raise ProblemError(f"steps: found {steps}, expected at least 1")
+        alive = self.even if method == "sign" else self.known
+        step = 0
+        while True:
+            step += 1
+            check()
+            grown, covers = alive.copy(), []
+            for table in self.tables:
+                # an arrow would lose its shape if it fell into cliques
+                chordal = method == "chordal" and table.group.place is None
+                inside, cover = table.close(alive, chordal)
+                grown[table.words(inside)] = True
+                covers.append(cover)
+            grown &= self.even  # what a sign change negates may be zero
+            if method == "sign" or step == steps or np.array_equal(grown, alive):
+                break
+            alive = grown
+        blocks: Blocks = []
+        for table, cover in zip(self.tables, covers, strict=True):
+            blocks += table.blocks(cover, self.even)
+        return stacked_groups(_distinct(blocks, self.dimension))
 
 
 # ---- blocks and their monomials ----------------------------------------------------------

@@ -173,7 +173,8 @@ def csp_graph(
     for polynomial in objectives:
         if polynomial.dimension != n:
             raise ProblemError(f"objectives: found {polynomial.dimension} variables, expected {n}")
-    terms = _terms([p.words for p in (problem.objective, *objectives)], n)
+    others = [p for p in objectives if p is not problem.objective]
+    terms = _terms([p.words for p in (problem.objective, *others)], n)
     return join(sps.csr_array(sps.vstack([_joined(problem, terms, joined), terms])))
 
 
