@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
+from inspect import signature
 from typing import NamedTuple, ParamSpec, Protocol
 
 import numpy as np
@@ -62,15 +63,18 @@ def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
 
     Stored results come from anywhere: arrays of other shapes and missing parts are forgeries, for
     which False is an answer and an exception is none. Numbers overflow there without a warning.
+    A call with arguments that the check does not take says nothing of a result: a TypeError.
 
     Examples
     --------
     >>> as_verdict(lambda pair: Verification(pair[2] == 1))((0, 1))
     Verification(ok=False, reason='the fields do not fit each other: tuple index out of range')
     """
+    taken = signature(verify)
 
     @wraps(verify)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Verification:
+        taken.bind(*args, **kwargs)
         try:
             with np.errstate(all="ignore"):
                 return verify(*args, **kwargs)

@@ -49,6 +49,14 @@ def with_limit(found: setid.Consistency, limit: float, rows: float = 1.0) -> set
     )
 
 
+def test_a_call_that_a_check_does_not_take_is_no_verdict() -> None:
+    data = laboratory_two_first()
+    found = setid.consistency(data, FIRST, setid.Noise(equation=1.0))
+    assert found.verify().ok
+    with pytest.raises(TypeError, match="argument"):
+        found.verify(data)  # type: ignore[call-arg]
+
+
 @pytest.mark.parametrize("scale", [(0.0, np.nan), (np.nan, inf)])
 def test_ends_that_are_no_numbers_are_not_attained(scale: tuple[float, float]) -> None:
     """NaN is not below infinity, so that nothing had to attain it."""
