@@ -179,9 +179,10 @@ def _add_data(command: argparse.ArgumentParser) -> None:
 
 
 def _record(arguments: argparse.Namespace) -> IOData:
-    inputs = _columns(arguments.input) or [_default_columns(arguments)[0]]
-    outputs = _columns(arguments.output) or [_default_columns(arguments)[1]]
-    times = None if arguments.time is None else _columns([arguments.time])[0]
+    names = column_names(arguments.record, arguments.decimal, arguments.header)
+    inputs = _columns(arguments.input, names) or [_default_columns(arguments, names)[0]]
+    outputs = _columns(arguments.output, names) or [_default_columns(arguments, names)[1]]
+    times = None if arguments.time is None else _columns([arguments.time], names)[0]
     data = IOData.from_csv(
         arguments.record,
         inputs,
@@ -196,13 +197,17 @@ def _record(arguments: argparse.Namespace) -> IOData:
     return data.part(*part_of(arguments.rows, data.samples))
 
 
-def _columns(given: list[str] | None) -> list[str | int]:
-    return [int(text) if text.isdecimal() else text for text in given or []]
+def _columns(given: list[str] | None, names: list[str | int]) -> list[str | int]:
+    """Take texts as names of columns where each names one, else as numbers if they are some."""
+    return [
+        int(text) if text.isdecimal() and names.count(text) != 1 else text for text in given or []
+    ]
 
 
-def _default_columns(arguments: argparse.Namespace) -> tuple[str | int, str | int]:
+def _default_columns(
+    arguments: argparse.Namespace, names: list[str | int]
+) -> tuple[str | int, str | int]:
     """Take u and y where the first line holds names, else the columns if there are two."""
-    names = column_names(arguments.record, arguments.decimal, arguments.header)
     if isinstance(names[0], str):
         return "u", "y"
     if len(names) != 2:

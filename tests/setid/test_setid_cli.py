@@ -336,3 +336,17 @@ def test_degrees_are_of_structures_that_have_one(
     assert "TransferFunction has no degree" in capsys.readouterr().err
     main([*asked, "--structure", "PolynomialNARX"])
     assert "has no degree" not in capsys.readouterr().err
+
+
+def test_a_number_that_names_a_column_is_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sensors named 1, 2 and 3: by number, 1 would be the second of them."""
+    record = tmp_path / "record.csv"
+    record.write_text("1;2;3\n4;0;9\n-3;-6.25;9\n2;1.175;9\n1;2.0875;9\n")
+    words = ["identify", str(record), *FIRST, "--equation-noise", "0.5", "--header", "1"]
+    assert main([*words, "--input", "1", "--output", "2"]) == 0
+    text = capsys.readouterr().out
+    assert "y1 = 2, u1 = 1" in text and "-0.5232" in text
+    assert main([*words, "--input", "0", "--output", "2"]) == 0  # no name: the first column
+    assert "y1 = 2, u1 = 1" in capsys.readouterr().out
