@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.record import IOData
-from setid.data.tables import column_names, has_names, read_table
+from setid.data.tables import column_names, read_table
 from setid.errors import DataError, SetidError
 from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
@@ -154,8 +155,11 @@ def _record(arguments: argparse.Namespace, stored: IOData) -> IOData:
     """Read a table with the channels, sampling time and given ranges of a stored record."""
     path, decimal, header = arguments.record, arguments.decimal, arguments.header
     columns: list[str | int] = [*stored.input_names, *stored.output_names]
-    if not has_names(path, decimal, header):
-        columns = _places(arguments, stored)
+    known = column_names(path, decimal, header)
+    named = isinstance(known[0], str)
+    apart = named and all(known) and len({*known}) == len(known)
+    if not apart and any(known.count(name) != 1 for name in columns):
+        columns = _places(arguments, stored, range(len(known)) if named else known)
     nu = stored.inputs
     found = IOData.from_csv(
         path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal, header=header
@@ -173,11 +177,13 @@ def _record(arguments: argparse.Namespace, stored: IOData) -> IOData:
     )
 
 
-def _places(arguments: argparse.Namespace, stored: IOData) -> list[str | int]:
-    """Find columns without names by their readings; in order where none has those of a channel."""
+def _places(
+    arguments: argparse.Namespace, stored: IOData, numbers: Iterable[Any]
+) -> list[str | int]:
+    """Find columns that no name tells by their readings, those with the fewest other ones."""
     path, decimal, header = arguments.record, arguments.decimal, arguments.header
     columns: dict[str | int, NDArray[np.float64]] = {}
-    for place in column_names(path, decimal, header):
+    for place in numbers:
         try:
             values = read_table(path, [place], decimal, header).columns[0]
         except DataError:  # a column of dates or words holds no channel
@@ -185,7 +191,19 @@ def _places(arguments: argparse.Namespace, stored: IOData) -> list[str | int]:
         part = (0, values.size) if arguments.rows is None else part_of(arguments.rows, values.size)
         columns[place] = values[slice(*part)]
     channels = [*stored.u.T, *stored.y.T]
-    return [
-        next((k for k, held in columns.items() if np.array_equal(held, one, equal_nan=True)), place)
-        for place, one in enumerate(channels)
-    ]
+    if len(columns) < len(channels):
+        raise DataError(
+            f"{path}: found {len(columns)} columns of numbers, expected {len(channels)}"
+        )
+    found: list[str | int] = []
+    for one in channels:
+        others = {k: _others(held, one) for k, held in columns.items() if k not in found}
+        found.append(min(others, key=others.__getitem__))
+    return found
+
+
+def _others(held: NDArray[np.float64], one: NDArray[np.float64]) -> int:
+    """Count the readings of a column that are not those of a channel."""
+    shared = min(held.size, one.size)
+    a, b = held[:shared], one[:shared]
+    return int(np.sum((a != b) & ~(np.isnan(a) & np.isnan(b))))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from setid.data.checks import word
 from setid.errors import DataError
 
-__all__ = ["column_names", "Column", "Table", "check_distinct", "has_names", "read_table"]
+__all__ = ["column_names", "Column", "Table", "check_distinct", "read_table"]
 
 Column = str | int
 PathLike = str | os.PathLike[str]
@@ -126,22 +126,6 @@ def read_table(
         units = tuple(rows[1][1][place].strip().strip("[]()") for place in places)
     distinct = chosen if chosen is not None and all(chosen) else None
     return Table([values[:, k].copy() for k in range(len(places))], skipped, distinct, units)
-
-
-def has_names(path: PathLike, decimal: str = ".", header: int | None = None) -> bool:
-    """Tell whether the first line of a table holds names.
-
-    Parameters
-    ----------
-    path, decimal, header
-        As of :func:`read_table`.
-
-    Raises
-    ------
-    DataError
-        If there is no table, or its first line is half names and half numbers.
-    """
-    return isinstance(column_names(path, decimal, header)[0], str)
 
 
 def column_names(path: PathLike, decimal: str = ".", header: int | None = None) -> list[str | int]:

@@ -98,6 +98,23 @@ def test_tables_without_names_are_compared_by_their_columns(
     assert "NOT PROVED" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("names", ["x,x,x", ",,", "v,,u,u"])
+def test_columns_that_names_do_not_tell_apart_are_compared_by_their_readings(
+    names: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = tmp_path / "record.csv", tmp_path / "out.json"
+    aside = names.count(",") - 1  # columns of words before input and output
+    rows = "".join("a," * aside + row + "\n" for row in ROWS.split()[1:])
+    record.write_text(f"{names}\n{rows}")
+    columns = ["--input", str(aside), "--output", str(aside + 1)]
+    noise = ["--equation-noise", "0.5", "--certificate", str(out)]
+    assert main(["identify", str(record), *columns, *ORDERS, *noise]) == 0
+    assert main(["verify", str(out), "--record", str(record)]) == 0
+    record.write_text(f"{names}\n{rows.replace('2.0875', '2.08')}")
+    assert main(["verify", str(out), "--record", str(record)]) == 1
+    assert "NOT PROVED" in capsys.readouterr().out
+
+
 def test_what_a_file_assumes_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A prior in a file narrows the intervals, and texts in it are no lines of their own."""
     data = setid.IOData(

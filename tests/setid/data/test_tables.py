@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import setid
-from setid.data.tables import column_names, has_names, read_table
+from setid.data.tables import column_names, read_table
 
 ERRORS = ("#N/A", "#DIV/0!", "#VALUE!", "#REF!", "#NUM!", "#NAME?", "#NULL!")
 
@@ -152,9 +152,9 @@ def test_wrong_arguments(tmp_path: Path, decimal: str, header: object) -> None:
         read_table(written(tmp_path, "1,2\n"), [0, 1], decimal, header)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("text", "named"), [("u,y\n1,2\n", True), ("#c\n1 2\n", False)])
-def test_names_are_told_from_numbers(tmp_path: Path, text: str, named: bool) -> None:
-    assert has_names(written(tmp_path, text)) is named
+@pytest.mark.parametrize(("text", "names"), [("u,y\n1,2\n", ["u", "y"]), ("#c\n1 2\n", [0, 1])])
+def test_names_are_told_from_numbers(tmp_path: Path, text: str, names: list[str | int]) -> None:
+    assert column_names(written(tmp_path, text)) == names
 
 
 @pytest.mark.parametrize("breaks", ["\x0b", "\x0c", "\x1c", "\u2028", "\x85"])
