@@ -218,7 +218,14 @@ class Design:
                 f"the data give no finite bounds of {', '.join(loose)}: the noise is strong for "
                 "this class; take a lower order, a longer record or a lower noise bound",
             )
-        if any(item.status is IntervalStatus.PARTIAL for item in self.intervals.values()):
+        partial = [n for n, i in self.intervals.items() if i.status is IntervalStatus.PARTIAL]
+        if partial and self.result.status is IntervalStatus.CERTIFIED:
+            return (
+                f"the outer ends of {', '.join(partial)} are proved; controllers were sought at "
+                f"the ends of {', '.join(self.result.intervals)} alone, which are certified, so "
+                "that more time changes nothing",
+            )
+        if partial:
             return (
                 "the outer ends are proved, but not attained within the tolerance: give more time "
                 "(options)",
@@ -551,10 +558,11 @@ def _intervals(
     plain = np.array_equal(fixed.basis, np.eye(len(fixed.basis)))
     if result.empty or (found is None and plain):
         pairs = zip(fixed.names, result.intervals.values(), strict=True)
-        return {
+        plain_ones = {
             name: ParameterInterval(name, i.outer, i.inner, i.status, i.witnesses)
             for name, i in pairs
         }
+        return _with_known_pole(fixed, plain_ones)
     rows = _inverse(fixed.basis)
     count = len(rows)
     low, high = np.full(count, -np.inf), np.full(count, np.inf)
@@ -567,14 +575,28 @@ def _intervals(
         inner: tuple[float, float] | None = None
         witnesses: tuple[Reals | None, Reals | None] = (None, None)
         if plain:
-            old = result.intervals[name]
+            old = result.intervals[fixed.model.parameters[place]]
             outer = max(outer[0], old.outer[0]), min(outer[1], old.outer[1])
             inner, witnesses = old.inner, old.witnesses
         elif len(known):
             inner = float(known[:, place].min()), float(known[:, place].max())
         status = _status(outer, inner, tol)
         intervals[name] = ParameterInterval(name, outer, inner, status, witnesses)
-    return intervals
+    return _with_known_pole(fixed, intervals)
+
+
+def _with_known_pole(
+    fixed: Fixed, intervals: dict[str, ParameterInterval]
+) -> dict[str, ParameterInterval]:
+    """Settle the denominator of order one with an integrator: its coefficient is -1."""
+    first, *others = intervals.values()
+    attained = [i for i in others if i.inner is not None and i.inner[0] <= i.inner[1]]
+    if (fixed.integrators, fixed.model.na) != (1, ((1,),)) or not attained:
+        return intervals
+    ends = (-1.0, -1.0)
+    witnesses = attained[0].witnesses
+    known = ParameterInterval(first.name, ends, ends, IntervalStatus.CERTIFIED, witnesses)
+    return {**intervals, first.name: known}
 
 
 def _status(

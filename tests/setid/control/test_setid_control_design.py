@@ -182,6 +182,18 @@ def test_given_numerators() -> None:
     assert found.intervals["k2"].width < 1e-4
 
 
+def test_powers_of_the_delay_as_numerators_keep_their_names() -> None:
+    """K* = .4 (1 - .5 q^-1) / (1 - q^-1): k1 = .4 and k2 = -.2 of the basis 1, q^-1."""
+    plant, reference = ([0, 1.0], [1, -0.5]), ([0, 0.4], [1, -0.6])
+    r = np.random.default_rng(0).uniform(-1, 1, 8)
+    data = setid.IOData(r, control.Transfer(*plant).simulate(r))
+    given = control.Polynomials([[1.0, 0.0], [0.0, 1.0]], [1.0, -1.0])
+    at_once = setid.Options(time_limit=1e-3, progress=False)
+    found = control.design(data, reference, given, 1e-4, options=at_once)
+    assert list(found.intervals) == ["k1", "k2"]
+    assert 0.4 in found.intervals["k1"] and -0.2 in found.intervals["k2"]
+
+
 @pytest.mark.slow
 def test_very_strong_noise_says_nothing_and_says_so() -> None:
     found = control.design(experiment(1.0), M, control.LTI(3), 1.0, options=QUICK)
@@ -224,6 +236,27 @@ def test_what_keeps_intervals_open_is_said() -> None:
     assert "the noise is strong for this class" in why
     (why,) = excited(1, 1e-4).help
     assert why.startswith("no controller of this class is consistent")
+
+
+def test_more_time_is_advised_only_where_it_helps() -> None:
+    """Ki = (b0 + b1) / Ts has its own ends, and none is sought at them."""
+    plant, reference = ([0, 1.0], [1, -0.5]), ([0, 0.4], [1, -0.6])
+    r = np.random.default_rng(0).uniform(-1, 1, 8)
+    data = setid.IOData(r, control.Transfer(*plant).simulate(r))
+    found = control.design(data, reference, control.PID(derivative=False), 1e-4)
+    assert found.result.status == "certified" and found.intervals["Ki"].status == "partial"
+    (why,) = found.help
+    assert why.startswith("the outer ends of Ki are proved") and "give more time" not in why
+
+
+def test_the_pole_of_an_integrator_of_order_one_is_known() -> None:
+    plant, reference = ([0, 1.0], [1, -0.5]), ([0, 0.4], [1, -0.6])
+    r = np.random.default_rng(0).uniform(-1, 1, 8)
+    data = setid.IOData(r, control.Transfer(*plant).simulate(r))
+    found = control.design(data, reference, control.LTI(1), 1e-4)
+    pole = found.intervals["a1"]
+    assert pole.outer == pole.inner == (-1.0, -1.0) and pole.status == "certified"
+    assert found.help == ()
 
 
 @pytest.mark.slow
