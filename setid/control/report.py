@@ -7,15 +7,16 @@ import html
 import io
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from setid.control.certificates.certificate import StabilityCertificate
 from setid.control.design import Design
-from setid.control.engine import SetidError
+from setid.control.engine import SetidError, entries_of
 from setid.control.loops import LoopMargins, loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
 from setid.control.specification import SpecifiedModel
+from sparsepop_py.errors import check_writable
+from sparsepop_py.files import as_path, write_text
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ def report(
     ------
     SetidError
         If something else is given.
+    SparsePOPError
+        If the page cannot be written there.
 
     Examples
     --------
@@ -65,8 +68,16 @@ def report(
     """
     if not isinstance(design, Design):
         raise SetidError(f"design: found {type(design).__name__}, expected a Design")
+    known = entries_of(certificates, "certificates", "a list of StabilityCertificates", SetidError)
+    for place, item in enumerate(known):
+        if not isinstance(item, StabilityCertificate):
+            raise SetidError(
+                f"certificates[{place}]: found {type(item).__name__}, expected a "
+                "StabilityCertificate"
+            )
     if specified is not None and not isinstance(specified, SpecifiedModel):
         raise SetidError(f"specified: found {type(specified).__name__}, expected a SpecifiedModel")
+    check_writable(str(as_path(path)), "path")
     parts = ["<h1>Controller from data</h1>"]
     if specified is not None:
         limits = "\n".join(
@@ -76,19 +87,19 @@ def report(
         parts.append(f"<h2>Specification</h2>{_text(limits)}")
     parts.append(f"<h2>Design</h2>{_text(design.summary())}")
     parts.append(_text(f"experiment: {design.data!r}\nreference model: {design.reference!r}"))
-    for item in certificates:
+    for item in known:
         parts.append(f"<h2>Stability: {html.escape(item.verdict)} ({item.method})</h2>")
         parts.append(_text(f"controller: {item.controller!r}\n{item.summary()}"))
         if item.arcs:
             parts.append(_picture(plot_certificate(item)))
-    certified = next((item for item in certificates if item), None)
+    certified = next((item for item in known if item), None)
     if certified is not None:
         margins = _text(margins_text(loop_margins(certified)))
         parts.append(f"<h2>Margins of every consistent plant, proved</h2>{margins}")
         parts.append(_picture(plot_loop_step(loop_step(certified))))
     body = "\n".join(parts)
     page = f"<!doctype html><meta charset='utf-8'><style>{_STYLE}</style>{body}"
-    Path(path).write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def margins_text(margins: LoopMargins) -> str:

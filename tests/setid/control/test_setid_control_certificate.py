@@ -15,7 +15,7 @@ from setid.control.certificates import certificate
 from setid.control.certificates.cells import Outcome
 from setid.control.parameters import sums
 from setid.control.references import stabilises
-from sparsepop_py import budget
+from sparsepop_py import SparsePOPError, budget
 
 # Printed in the course notes, section 6.3.4
 P = control.Transfer([0, 0.09516, 0.02, 0.05, -0.04], [1, -0.9048, 0.2, -0.5, 0.4])
@@ -264,6 +264,23 @@ def test_report_is_one_page_with_pictures(tmp_path: Path) -> None:
         control.report(page, answer, [])  # type: ignore[arg-type]
     with pytest.raises(setid.SetidError, match="specified"):
         control.report(page, found, [], M)  # type: ignore[arg-type]
+
+
+def test_pages_are_refused_before_the_work(tmp_path: Path) -> None:
+    plant, reference = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    r = np.random.default_rng(0).uniform(-1, 1, 8)
+    data, page = setid.IOData(r, plant.simulate(r)), tmp_path / "page.html"
+    at_once = setid.Options(time_limit=1e-3, progress=False)
+    found = control.design(data, reference, control.LTI(1), 1e-3, options=at_once)
+    for bad in (None, found, 3):
+        with pytest.raises(setid.SetidError, match="certificates: found"):
+            control.report(page, found, bad)  # type: ignore[arg-type]
+    with pytest.raises(setid.SetidError, match=r"certificates\[0\]: found str"):
+        control.report(page, found, ["x"])  # type: ignore[list-item]
+    for path in (None, tmp_path / "none" / "page.html", tmp_path):
+        with pytest.raises(SparsePOPError):
+            control.report(path, found, [])  # type: ignore[arg-type]
+    assert not any(tmp_path.iterdir())
 
 
 def test_pictures() -> None:
