@@ -115,6 +115,7 @@ class LTI(Controller):
         n = self.order if order is None else order
         if n is None:
             raise ModelError("LTI.order: found None, expected an integer here")
+        natural(n, "order", ModelError, 1 if self.integrator else 0)
         model = TransferFunction(n, n + 1)
         names = model.parameters
         return Fixed(model, (Fraction(1),), int(self.integrator), names, np.eye(len(names)))
@@ -152,6 +153,8 @@ class PID(Controller):
 
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
         """Write numerators over the common denominator (1 - q^-1) (1 - f q^-1)."""
+        if not 0.0 < number(Ts, "Ts", ModelError) < inf:
+            raise ModelError(f"Ts: found {Ts!r}, expected a positive number")
         delta = (Fraction(1), Fraction(-1))
         one = (Fraction(1),)
         if not self.derivative:

@@ -18,9 +18,15 @@ from setid.control.engine import (
     frozen,
     natural,
     number,
-    real_array,
 )
-from setid.control.transfer import Transfer, as_transfer, is_schur, simulate_exactly, times
+from setid.control.transfer import (
+    Transfer,
+    as_transfer,
+    is_schur,
+    samples_of,
+    simulate_exactly,
+    times,
+)
 
 __all__ = ["Matching", "check_matching", "ideal_controller", "reference_model", "target_signal"]
 
@@ -30,6 +36,7 @@ _SETTLED = 0.02  # of the final value
 _NEARLY_ONE = 1e-9  # of a static gain
 _MOST = 10**6  # samples of a response or a delay
 _SHORTEST = 1e-200  # time, in units of time
+_SLOWEST = 2.0**-40  # sum of a denominator, to which its rounding of 2^-53 is compared
 _HORIZON = 60.0  # of normalised time within which damped responses are looked at
 
 
@@ -72,7 +79,7 @@ def target_signal(M: Any, r: ArrayLike) -> Reals:
     [0.0, 0.5, 0.5, 0.5]
     """
     reference = as_transfer(M, None, "M")
-    signal = real_array(r, "r", SetidError).ravel()
+    signal = samples_of(r, "r", SetidError)
     if np.isnan(signal).any():
         raise SetidError("r: found missing samples, expected all of them")
     return frozen(simulate_exactly(loop_function(reference), signal.tolist()))
@@ -309,6 +316,12 @@ def reference_model(
         times = _normalised_times(damping)
         speeds = [times[0] / rise if rise else 0.0, times[1] / settling if settling else 0.0]
         found = second_order(max(speeds), damping, Ts)
+    if sum(found.denominator) < _SLOWEST:
+        raise ModelError(
+            f"rise, settling: found times too long beside Ts = {Ts:g}, expected shorter ones: the "
+            "coefficients are doubles, and their rounding is no longer small beside the model's "
+            "speed"
+        )
     return with_zeros(found, delay, zeros)
 
 

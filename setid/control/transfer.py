@@ -22,7 +22,15 @@ from setid.control.engine import (
     real_array,
 )
 
-__all__ = ["Exact", "Transfer", "as_transfer", "is_schur", "simulate_exactly", "times"]
+__all__ = [
+    "Exact",
+    "Transfer",
+    "as_transfer",
+    "is_schur",
+    "samples_of",
+    "simulate_exactly",
+    "times",
+]
 
 Exact = tuple[Fraction, ...]
 _BITS = 240  # of the fixed-point numbers that simulations are carried out in
@@ -152,7 +160,9 @@ class Transfer:
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
         """Simulate the output (N,) from rest for an input (N,), in double precision."""
-        signal = real_array(u, "u", SetidError).ravel()
+        signal = samples_of(u, "u", SetidError)
+        if not signal.size:
+            return signal
         return np.asarray(lfilter(self.num, self.den, signal), np.float64)
 
     # ---- arithmetic ---------------------------------------------------------------------
@@ -320,6 +330,14 @@ def _of_control(given: Any, step: float, field: str) -> Transfer:
 
 
 # ---- simulation without rounding --------------------------------------------------------
+
+
+def samples_of(given: Any, field: str, error: type[SetidError]) -> NDArray[np.float64]:
+    """Copy the samples of one signal, (N,) or one row or column; other shapes raise."""
+    found = real_array(given, field, error)
+    if not found.ndim or max(found.shape) != found.size:
+        raise error(f"{field}: found shape {found.shape}, expected (N,)")
+    return found.ravel()
 
 
 def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ from setid.control.engine import (
     frozen,
     real_array,
 )
+from setid.control.transfer import samples_of
 from setid.data.digits import all_digits
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -190,7 +191,7 @@ def _upward(record: IOData | Reals, ends: tuple[float, float]) -> tuple[float, f
 
 
 def _signal(values: ArrayLike) -> Reals:
-    return frozen(real_array(values, "step_record", DataError).ravel())
+    return frozen(samples_of(values, "step_record", DataError))
 
 
 def _noise_free(
@@ -217,7 +218,7 @@ def _conclude(low: Reals, high: Reals) -> tuple[Verdict, tuple[float, float], in
 def _response(record: IOData | ArrayLike) -> tuple[Reals, tuple[str, ...]]:
     """Response to an upward step, and what was done to the data before."""
     if not isinstance(record, IOData):
-        y = real_array(record, "step_record", DataError).ravel()
+        y = samples_of(record, "step_record", DataError)
         height: float = 1.0
         texts: tuple[str, ...] = ()
     else:

@@ -246,6 +246,43 @@ def test_reference_model_refuses(wrong: dict) -> None:
         control.reference_model(**wrong)
 
 
+@pytest.mark.parametrize("overshoot", [0.0, 0.1, 0.9])
+@pytest.mark.parametrize("rise", [1e7, 1e10, 1e16, 1e17, 1e300])
+def test_reference_models_keep_their_gain_or_are_refused(rise: float, overshoot: float) -> None:
+    """From 1e7 samples on, 1 + a1 + a2 of about 1e-14 is no longer held by doubles near 1."""
+    if overshoot == 0.0 and rise <= 1e10:  # 1 + a1 = 2.2 / rise
+        M = control.reference_model(rise)
+        assert M.static_gain == 1 and M.is_stable()
+        return
+    with pytest.raises(setid.ModelError, match="rise, settling: found times too long beside Ts"):
+        control.reference_model(rise, overshoot=overshoot)
+
+
+@pytest.mark.parametrize("bad", [np.ones((3, 2)), np.ones((1, 2, 2)), 1.0, None])
+def test_signals_of_other_shapes_are_named(bad: object) -> None:
+    M = control.reference_model(rise=3.0)
+    calls = {
+        "u": lambda: M.simulate(bad),
+        "r": lambda: control.target_signal(M, bad),
+        "step_record": lambda: control.undershoot(bad, 0.1),
+    }
+    for field, call in calls.items():
+        with pytest.raises(setid.SetidError, match=f"{field}: found shape .*, expected .N,."):
+            call()
+    column = M.simulate(np.ones((3, 1)))
+    assert column.shape == (3,) and M.simulate([]).size == 0
+    assert control.Transfer([0, 1]).simulate([]).size == 0
+
+
+def test_classes_are_fixed_at_positive_times_and_whole_orders() -> None:
+    for Ts in (0, -1.0, float("nan"), "x", None):
+        with pytest.raises(setid.ModelError, match="Ts: found"):
+            control.PID().fixed(Ts)
+    for order in (0, 1.5, "2", True):
+        with pytest.raises(setid.ModelError, match="order: found"):
+            control.LTI().fixed(1.0, order)
+
+
 def test_transfer_from_and_to_python_control() -> None:
     module = pytest.importorskip("control")
     given = module.TransferFunction([0.4], [1.0, -0.6], 0.5)
