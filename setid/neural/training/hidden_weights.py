@@ -59,7 +59,7 @@ _PIECEWISE = ("relu", "leaky_relu")
 _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between its ends
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SignChoice:
     """All networks with one choice of output signs that explain a record.
 
@@ -87,6 +87,11 @@ class SignChoice:
         """True if it is proved that no network has these signs."""
         return bool(np.any(self.low > self.high))
 
+    def __repr__(self) -> str:
+        signs = ", ".join(f"{s:+g}" for s in self.signs)
+        found = "empty" if self.empty else f"{len(self.members)} members"
+        return f"<SignChoice: signs {signs}, {found}>"
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class HiddenWeights:
@@ -105,8 +110,8 @@ class HiddenWeights:
         ``"proved"`` (every interval certified), ``"partial"`` or ``"empty"``.
     choices : tuple of SignChoice
     intervals : mapping of str to ParameterInterval
-        Of ``w1_1`` (neuron, regressor), ..., ``b1``, ..., ``c``, normalised and ordered, over
-        all choices of signs together.
+        Of ``w1_1`` (neuron, regressor), ..., ``b1``, ..., ``c``, over all choices of signs
+        together. Positive neurons come first, those of equal sign by descending first weight.
     assumptions : tuple of str
     """
 
@@ -243,7 +248,7 @@ def _assumptions(data: IOData, bound: float, weights: float) -> tuple[str, ...]:
         *data.assumptions,
         f"the equation error of each row is at most {all_digits(bound)}",
         f"normalised hidden weights and biases are at most {all_digits(weights)} in absolute value",
-        "output weights are normalised to +-1, neurons of equal sign ordered by their first weight",
+        "output weights are normalised to +-1, neurons of equal sign by descending first weight",
     )
 
 

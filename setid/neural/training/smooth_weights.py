@@ -100,8 +100,8 @@ class SmoothHiddenWeights:
     members : (K, p) float
         Networks that are proved to explain the record; they attain the inner ends.
     intervals : mapping of str to ParameterInterval
-        Of ``w1_1`` (neuron, regressor), ..., ``b1``, ..., ``v1``, ..., ``c``, normalised (v >= 0)
-        and ordered.
+        Of ``w1_1`` (neuron, regressor), ..., ``b1``, ..., ``v1``, ..., ``c``, normalised (v >= 0),
+        neurons by descending first weight.
     assumptions : tuple of str
     """
 
@@ -186,7 +186,7 @@ def _assumptions(
         f"the equation error of each row is at most {all_digits(bound)}",
         "hidden weights and biases, and output weights, are at most "
         f"{all_digits(weights)} in absolute value",
-        "output weights are normalised to v >= 0, neurons ordered by their first weight",
+        "output weights are normalised to v >= 0, neurons by descending first weight",
         f"{net.network.activation[0]} within {rounded(eps, True, 3)} of the lines that stand for "
         "it, which every row allows for",
     )

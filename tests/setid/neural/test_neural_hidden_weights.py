@@ -120,6 +120,14 @@ def test_goals_that_are_no_ends_prove_nothing(goal: tuple[int, float]) -> None:
     assert np.array_equal(task.drawn(kept.signs, ((goal, scaled(tree, 3.0)),)), task.box())
 
 
+def test_choices_of_signs_are_shown_in_a_line() -> None:
+    data = planted(5, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
+    found = neural.hidden_weights(structure(1, 0.0), data, 0.1, time_limit=0.01)
+    shown = [repr(item) for item in found.choices]
+    assert shown[0].startswith("<SignChoice: signs +1, ") and len(max(shown, key=len)) < 60
+    assert "by descending first weight" in found.assumptions[-1]
+
+
 def test_what_means_nothing_is_refused() -> None:
     data = planted(8, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
     net = structure(1, 0.0)
