@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from setid import IOData, ModelError, NoiseError, SetidError
+from setid import DataError, IOData, ModelError, NoiseError, SetidError
 from setid.data.checks import entries_of, seconds_of
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.models.regressor import NNARX
@@ -33,7 +33,7 @@ class Candidate:
     result : LastLayer
         On the record that it was trained on.
     least_error : float
-        Attained by the last layer.
+        Attained by the last layer; infinite where no member is proved.
     band_width : float
         Mean width of the proved one-step band of readings on the validation record.
     outside : int
@@ -111,8 +111,9 @@ def select(
 
     Raises
     ------
-    ModelError, SetidError
-        If there is nothing to choose from, or no structure is done within the limit.
+    ModelError, DataError, SetidError
+        If there is nothing to choose from, records do not fit, or no structure is done within the
+        limit.
 
     Examples
     --------
@@ -125,6 +126,9 @@ def select(
     (2, 1)
     """
     check_executor(executor)
+    for name, record in (("data", data), ("validation", validation)):
+        if not isinstance(record, IOData):
+            raise DataError(f"{name}: found {type(record).__name__}, expected IOData")
     until = time.time() + seconds_of(time_limit)  # the clock of all processes
     settings = (data, validation, factor, activation, starts, seed, until)
     known = entries_of(orders, "orders", "a list of integers", ModelError)

@@ -197,6 +197,10 @@ class Network:
         return self._enclose(x, len(self.weights) - 1)
 
     def _enclose(self, x: Interval, layers: int) -> Interval:
+        size = self.inputs
+        if not isinstance(x, Interval) or not x.lo.ndim or x.lo.shape[-1] != size:
+            found = f"shape {x.lo.shape}" if isinstance(x, Interval) else type(x).__name__
+            raise ModelError(f"x: found {found}, expected an Interval of shape (..., {size})")
         value = x
         for w, b, name in list(zip(self.weights, self.biases, self.activation, strict=True))[
             :layers

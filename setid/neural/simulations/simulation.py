@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid import IOData, ModelError, Verification
+from setid import IOData, ModelError, NoiseError, Verification
+from setid.data.checks import number
 from setid.neural.arithmetic import (
     Interval,
     at_least,
@@ -89,8 +90,11 @@ class SimulationBand:
         noise : float
             Bound of the output noise.
         """
+        bound = number(noise, "noise", NoiseError)
+        if not 0.0 <= bound < np.inf:
+            raise NoiseError(f"noise: found {noise!r:.60}, expected a number >= 0")
         with np.errstate(invalid="ignore"):
-            gone = (self.data.y < down(self.low - noise)) | (self.data.y > up(self.high + noise))
+            gone = (self.data.y < down(self.low - bound)) | (self.data.y > up(self.high + bound))
         return np.argwhere(gone)
 
     @as_verdict

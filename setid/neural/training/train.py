@@ -191,8 +191,9 @@ def train(
     }
     chosen = usual if method is None else word(method, "method", kinds, ModelError)
     if not isinstance(net, kinds[chosen]):
-        names = " or ".join(kind.__name__ for kind in kinds[chosen])
-        raise ModelError(f"net: found {type(net).__name__}, expected {names} for {chosen!r}")
+        names = " or ".join(kind.__name__ for kind in kinds[chosen]) + f" for {chosen!r}"
+        asked = "NNARX, NNOE or NeuralStateSpace" if method is None else names
+        raise ModelError(f"net: found {type(net).__name__}, expected {asked}")
     if chosen == "scipy":
         assert isinstance(net, NNARX)
         return _by_scipy(net, data, starts, seed, max_steps)

@@ -360,10 +360,36 @@ def test_wrong_inputs_of_networks_are_named(bad: object) -> None:
             call()
 
 
+@pytest.mark.parametrize("bad", [None, "x", float("nan"), -1.0, float("inf"), [0.0, 1.0]])
+def test_wrong_noise_of_a_band_is_named(bad: object) -> None:
+    net = neural.Elman([([[1.0]], [[0.5]], [0.0])], ([[1.0]], [0.0]))
+    band = neural.simulate_band(net, setid.IOData(np.zeros(2), [0.0, 0.1]))
+    assert band.outside(0.05).tolist() == [[1, 0]] and band.outside(0.2).size == 0
+    with pytest.raises(setid.NoiseError, match="noise: found"):
+        band.outside(bad)
+
+
+@pytest.mark.parametrize("bad", [None, "x", [1.0, 2.0], Interval.point(np.ones(2))])
+def test_boxes_of_inputs_that_are_none_are_named(bad: object) -> None:
+    net = neural.Network([[[1.0, 1.0, 1.0]], [[1.0]]], [[0.0], [0.0]])
+    for call in (net.enclose, net.enclose_features):
+        with pytest.raises(setid.ModelError, match="x: found .*, expected an Interval of shape"):
+            call(bad)
+
+
+def test_what_is_trained_by_default_is_named() -> None:
+    _, data = ramp()
+    with pytest.raises(setid.ModelError, match="expected NNARX, NNOE or NeuralStateSpace$"):
+        neural.train(None, data)
+    with pytest.raises(setid.ModelError, match="expected NNARX for 'scipy'$"):
+        neural.train(None, data, "scipy")
+
+
 def test_wrong_switches_kinds_and_sizes_are_named() -> None:
     net, data = ramp()
     array = np.ones(3)
     calls = {
+        "validation": lambda: neural.select(data, None, [1], [1], starts=1),
         "lmi": lambda: neural.stability(net, lmi=array),
         "normalised": lambda: neural.hidden_weights(net, data, 0.1, normalised=array),
         "kind": lambda: neural.initial(data, 1, kind="NNOE"),
