@@ -62,7 +62,7 @@ from setid.proofs.least_noise.noise_scale import (
 )
 from setid.proofs.parameter_box import ProvedBox, start_of
 from sparsepop_py.budget import EARLY, Deadline
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
@@ -85,7 +85,7 @@ _FIT = 0.5  # of the time left, for a fit of several denominators: its proof nee
 
 
 @warns_once
-@one_thread
+@while_solving
 def consistency(
     data: IOData,
     model: Structure,

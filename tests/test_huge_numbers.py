@@ -50,3 +50,38 @@ def test_vertices_that_are_subnormal_are_those_that_verify(high: float) -> None:
     (bound,) = sp.linear_bounds(problem, [-X])
     assert bound.x is not None and bound.x[0] == high == float(bound.vertex[0])
     assert bound.verify(problem, -X)
+
+
+@pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
+@pytest.mark.parametrize(
+    ("objective", "row"),
+    [
+        (1e146 + 1e-168 * X * X, X >= -5),
+        (X * Y, 1e300 + 1e-300 * X * X * Y * Y >= 0),
+        (X * Y, sp.psd([[1e300 + 1e-300 * X, 1e-300 * Y], [1e-300 * Y, 1e300]])),
+        (X * Y, sp.second_order(1e300 + 1e-300 * X * Y, 1e-300 * Y)),
+    ],
+)
+def test_constants_beyond_all_doubles_times_the_rest(objective, row: Any, effort: Any) -> None:
+    """A row divided by its largest coefficient has a constant that no double holds."""
+    result = sp.solve(sp.Problem(objective, [row], -1, 1), sp.Options(effort=effort, work_limit=1))
+    least = 1e146 if objective.constant_term else -1.0
+    assert result.lower_bound <= least <= result.upper_bound
+    assert result.lower_bound >= least - 1e-6 * abs(least)
+    assert result.certificate.verify(result.problem)
+
+
+@pytest.mark.parametrize(
+    ("objective", "rows", "lower", "upper"),
+    [
+        (3e221 * X + 1e-270 * X**3, [1e-298 * X**2 >= 1e-89, 2e282 * X >= 2e35], -4, 4),
+        (-2 * X, [X * Y >= 0], [0, -1e-20], 1.7e308),
+        (2e-67 * X**2 - 3e127 * X, [2e13 * X >= 1e-80], -3e170, 3e275),
+    ],
+)
+def test_searches_beyond_all_doubles_are_silent(objective, rows: Any, lower, upper) -> None:
+    """Warnings are errors here."""
+    problem = sp.Problem(objective, rows, lower, upper)
+    for effort in ("plain", "auto"):
+        result = sp.solve(problem, sp.Options(effort=effort, work_limit=0.03))
+        assert result.lower_bound <= result.upper_bound

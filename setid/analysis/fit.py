@@ -36,7 +36,7 @@ from setid.proofs.least_noise.least_error import (
     verify_output,
 )
 from sparsepop_py.budget import EARLY
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ class Fit:
 
 
 @warns_once
-@one_thread
+@while_solving
 def fit(
     data: IOData,
     model: Structure,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 
 __all__ = ["Timed", "run_on", "run_timed"]
 
@@ -87,7 +87,7 @@ class Timed(Generic[Result]):
         return self.value
 
 
-@one_thread
+@while_solving
 def run_timed(work: Callable[..., Result], *arguments: Any) -> Timed[Result]:
     """Do a task with one BLAS thread, which leaves other workers their cores."""
     start = time.process_time()

@@ -30,7 +30,7 @@ from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.result import Result
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.strategy.independent_parts import independent_parts, search_parts
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,
@@ -47,7 +47,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 __all__ = ["solve_each"]
 
 
-@one_thread
+@while_solving
 def solve_each(
     problem: Problem,
     objectives: Sequence[Polynomial],

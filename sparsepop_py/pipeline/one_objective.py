@@ -32,7 +32,7 @@ from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Result
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.strategy.linear_tree import box_of_starts, from_convex_minimiser
 from sparsepop_py.strategy.order_loop import run_orders
 from sparsepop_py.strategy.search_state import SearchState, unstarted_state
@@ -63,7 +63,7 @@ def solve(
 ) -> RationalResult: ...
 
 
-@one_thread
+@while_solving
 def solve(
     problem: Problem | RationalProblem,
     options: Options | None = None,

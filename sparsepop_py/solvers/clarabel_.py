@@ -130,7 +130,13 @@ def _solved(hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: Solver
     import clarabel
 
     start = time.process_time()
-    found = clarabel.DefaultSolver(hessian, q, A, b, _cones(cones), _settings(settings)).solve()
+    try:
+        found = clarabel.DefaultSolver(hessian, q, A, b, _cones(cones), _settings(settings)).solve()
+    except BaseException as error:  # Rust's panics, as where numbers overflow, are no Exception
+        if type(error).__name__ != "PanicException":
+            raise
+        seconds = time.process_time() - start
+        return Output(np.zeros(q.size), np.zeros(b.size), b.copy(), 0, f"Panic: {error}", seconds)
     x, z, s = (np.array(part) for part in (found.x, found.z, found.s))
     seconds = time.process_time() - start
     return Output(x, z, s, found.iterations, str(found.status), seconds)

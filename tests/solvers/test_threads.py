@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sparsepop_py as sp
-from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.solvers.threads import while_solving
 
 
 def blas() -> set[int]:
@@ -25,13 +25,13 @@ def test_overlapping_calls_give_back_what_the_first_one_found() -> None:
     """Two Python threads, of which the one that began later ends later."""
     began, may_end = Event(), Event()
 
-    @one_thread
+    @while_solving
     def later() -> set[int]:
         began.set()
         assert may_end.wait(30)
         return blas()
 
-    @one_thread
+    @while_solving
     def first(pool: ThreadPoolExecutor):
         started = pool.submit(later)
         assert began.wait(30) and blas() == {1}

@@ -28,6 +28,7 @@ __all__ = ["Scaled", "Scaling", "scale_objective"]
 
 _LEAST_WIDTH = 2.0**-300  # half widths below this are rounding; their powers would underflow
 _TINY = 2.0**-300  # ends of t below this could underflow when multiplied
+_LEAST_SIZE = 2.0**-990  # of a row, times its largest coefficient: the quotients are doubles
 _FEW = 5_000  # letters of polynomials up to which rationals take no time
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
 
@@ -271,7 +272,10 @@ class Scaled:
         shared = largest.copy()
         np.maximum.at(shared, owner, largest[entries.start :])
         shared[entries] = shared[owner]
-        size = np.where(shared > 0, shared, 1.0)
+        room = _room(system)
+        np.maximum.at(room, owner, room[entries.start :])
+        room[entries] = room[owner]
+        size = np.maximum(np.where(shared > 0, shared, 1.0), room)
         useless = largest <= 1e-11 * magnitude
         if not whole:
             useless |= _repeats_bounds(system, problem, scaling)
@@ -295,7 +299,15 @@ def scale_objective(objective: Polynomial, scaling: Scaling) -> tuple[Polynomial
     system = scaling.expand(PolynomialSystem.stack([objective], objective.dimension))
     varies = system.words.any(axis=1)
     size = float(np.abs(system.coefficients[varies]).max(initial=0.0)) or 1.0
+    size = max(size, float(_room(system)[0]))
     return _split(system, np.array([size]))[0], size
+
+
+def _room(system: PolynomialSystem) -> NDArray[np.float64]:
+    """Compute the least size of each row by which its constant can be divided, too."""
+    room = np.zeros(system.size)
+    np.maximum.at(room, system.row, _LEAST_SIZE * np.abs(system.coefficients))
+    return room
 
 
 def _repeats_bounds(
