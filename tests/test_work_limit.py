@@ -124,3 +124,13 @@ def test_a_stage_takes_seconds_where_a_moment_ends_it(monkeypatch) -> None:
     assert Deadline.before(160.0, 20.0, 0.5).limits == {"time_limit": 20.0}
     assert Deadline.before(90.0, 20.0).over
     assert Deadline(None, None, 7.0).limits == {"cpu_limit": pytest.approx(7.0, abs=0.5)}
+
+
+@pytest.mark.parametrize("limits", [{"work_limit": 0.01}, {"work_limit": 9, "search_limit": 0.01}])
+def test_searches_end_with_the_start_at_which_the_limit_passes(limits) -> None:
+    """No point is feasible, so that searches from a dozen starts would take 2.6 units."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(2 * x - x * y, [(x - y) ** 2 <= -1e-16])
+    begin = spent()
+    sp.solve(problem, sp.Options(order=3, node_limit=0, **limits))
+    assert spent() - begin < 0.5

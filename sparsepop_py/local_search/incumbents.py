@@ -81,7 +81,7 @@ def search_incumbent(
         options.tolerance, _enough(problem, context, proved), False, context.upper, gain, brief
     )
     with _counted(context):
-        repaired = _with_repaired(context, starts)
+        repaired = _in_time(context, _with_repaired(context, starts))
         return best_attained(problem, repaired, aim, _method(context), _end(context))
 
 
@@ -105,6 +105,16 @@ def _counted(context: SolveContext) -> Iterator[None]:
         yield
     finally:
         context.stages.searched += context.deadline.now() - start
+
+
+def _in_time(context: SolveContext, starts: Iterable[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+    """Take the first start, and others while limits last: counted work has no moment to end at."""
+    limit, begin = context.options.search_limit, context.deadline.now()
+    for number, start in enumerate(starts):
+        searched = context.stages.searched + context.deadline.now() - begin
+        if number and (context.deadline.over or (limit is not None and searched >= limit)):
+            return
+        yield start
 
 
 def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
@@ -142,7 +152,7 @@ def first_incumbent(
     enough = _enough(context.problem, context, -np.inf)
     aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
     with _counted(context):
-        repaired = _with_repaired(context, starts)
+        repaired = _in_time(context, _with_repaired(context, starts))
         found, vectors = best_attained(
             context.problem, repaired, aim, _method(context), _end(context)
         )
