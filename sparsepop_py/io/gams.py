@@ -336,11 +336,15 @@ class _Reader:
             ):
                 return
             raise statement.error(f"the undeclared variable {name!r}", "a declared one")
+        given = statement.text[match.end() :].strip().lower()
+        if suffix == "prior" and given.lstrip("+ ") == "inf":
+            raise statement.error(
+                "a priority that makes an integer variable continuous", "a finite one", match.end()
+            )
         if suffix in _IGNORED:
             return
         if suffix not in _BOUNDS:
             raise statement.error(f"'.{suffix}'", ".lo, .up, .fx (or .l, .m, which are ignored)")
-        given = statement.text[match.end() :].strip().lower()
         none = _NO_BOUNDS.get((suffix, given))
         if none is not None:
             setattr(variable, _BOUNDS[suffix][0], none)

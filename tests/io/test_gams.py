@@ -523,3 +523,12 @@ def test_relaxed_classes_beside_binaries_are_refused(tmp_path: Path) -> None:
             sp.read(path)
         path.write_text(text.format(kind="Free", how=how))
         assert sp.solve(sp.read(path)).lower_bound == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("priority", ["inf", "+INF", " + inf"])
+def test_priorities_that_relax_integers_are_refused(read, priority: str) -> None:
+    """GAMS takes a discrete variable of infinite priority for a continuous one."""
+    text = "Binary Variables b; Variables obj; Equations e; e.. obj =E= sqr(b - 0.5);\n"
+    with pytest.raises(sp.FormatError, match="case.gms:2: .* that makes an integer variable"):
+        read(f"{text}b.prior ={priority};\nSolve m using MINLP minimizing obj;")
+    assert len(read(f"{text}b.prior = 2;\nSolve m using MINLP minimizing obj;").constraints) == 1
