@@ -108,7 +108,7 @@ def _counted(context: SolveContext) -> Iterator[None]:
 
 
 def _in_time(context: SolveContext, starts: Iterable[NDArray[Any]]) -> Iterator[NDArray[Any]]:
-    """Take the first start, and others while limits last: counted work has no moment to end at."""
+    """Take the first start, and others while limits, also of counted work, last."""
     limit, begin = context.options.search_limit, context.deadline.now()
     for number, start in enumerate(starts):
         searched = context.stages.searched + context.deadline.now() - begin

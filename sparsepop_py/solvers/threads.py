@@ -1,4 +1,4 @@
-"""State of this process while the package solves: one BLAS thread, and no warnings of overflow.
+"""State of the process during a solve: one BLAS thread, no warnings of overflow.
 
 Many small matrices are multiplied faster with one thread.
 Threads that OpenBLAS keeps waiting for the next product count as CPU time and take cores from
