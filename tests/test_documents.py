@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
-    ROOT / "sparsepop_py" / "verified" / "README.md",
+    *(ROOT / room / "README.md" for room in ("sparsepop_py/verified", "setid/proofs", "checker")),
 ]
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 # Python blocks in order; a block of text that follows one is what it prints.
