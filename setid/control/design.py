@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import mul
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,7 @@ from setid.control.references import (
 )
 from setid.control.transfer import Transfer, as_transfer, simulate_exactly
 from setid.minimum_noise.conflicting_samples import samples_listed
+from setid.priors.stability import rounded_up
 from sparsepop_py.budget import Deadline, LimitReached
 
 if TYPE_CHECKING:
@@ -534,8 +536,8 @@ def _after(
         return found
 
 
-def _inverse(basis: Reals) -> Reals:
-    """Inverse of a small matrix, by elimination in rationals."""
+def _inverse(basis: Reals) -> list[list[Fraction]]:
+    """Invert a small matrix by elimination in rationals."""
     size = len(basis)
     rows = [
         [Fraction(float(c)) for c in row] + [Fraction(int(i == j)) for j in range(size)]
@@ -548,7 +550,7 @@ def _inverse(basis: Reals) -> Reals:
         for r in range(size):
             if r != i and rows[r][i]:
                 rows[r] = [c - rows[r][i] * d for c, d in zip(rows[r], rows[i], strict=True)]
-    return np.array([[float(c) for c in row[size:]] for row in rows])
+    return [row[size:] for row in rows]
 
 
 def _intervals(
@@ -563,12 +565,12 @@ def _intervals(
             for name, i in pairs
         }
         return _with_known_pole(fixed, plain_ones)
-    rows = _inverse(fixed.basis)
-    count = len(rows)
+    exact = _inverse(fixed.basis)
+    count = len(exact)
     low, high = np.full(count, -np.inf), np.full(count, np.inf)
     if found is not None:
-        low, high = found.ranges(np.zeros(count), rows)
-    known = result.attained @ rows.T
+        low, high = found.exact_ranges(exact)
+    known = [[Fraction(value) for value in theta] for theta in result.attained.tolist()]
     intervals = {}
     for place, name in enumerate(fixed.names):
         outer = (float(low[place]), float(high[place]))
@@ -578,8 +580,9 @@ def _intervals(
             old = result.intervals[fixed.model.parameters[place]]
             outer = max(outer[0], old.outer[0]), min(outer[1], old.outer[1])
             inner, witnesses = old.inner, old.witnesses
-        elif len(known):
-            inner = float(known[:, place].min()), float(known[:, place].max())
+        elif known:
+            values = [sum(map(mul, exact[place], theta), Fraction()) for theta in known]
+            inner = rounded_up(min(values)), -rounded_up(-max(values))
         status = _status(outer, inner, tol)
         intervals[name] = ParameterInterval(name, outer, inner, status, witnesses)
     return _with_known_pole(fixed, intervals)

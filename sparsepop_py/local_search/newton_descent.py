@@ -26,8 +26,9 @@ from sparsepop_py.problem.problem import Problem
 __all__ = ["newton_polish", "zeros_of_squares"]
 
 _STEPS = 300  # at most
-_DENSE = 60  # variables up to which elimination is dense
+_DENSE = 60  # variables up to which matrices are dense
 _SHIFTS = 12  # times a shift grows tenfold before the search ends
+Matrix = Any  # (n, n) float, dense or sparse
 
 
 def zeros_of_squares(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
@@ -44,10 +45,10 @@ def zeros_of_squares(problem: Problem, start: NDArray[Any], end: float) -> NDArr
     def value(x: NDArray[Any]) -> float:
         return float(weight @ np.square(system.values(x)))
 
-    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[sps.csr_array, NDArray[Any]]:
-        jacobian = system.jacobian(x)[:, inner]
-        weighted = sps.diags_array(weight) @ jacobian
-        return sps.csr_array(jacobian.T @ weighted), weighted.T @ system.values(x)
+    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[Matrix, NDArray[Any]]:
+        jacobian = _jacobian(system, x)[:, inner]
+        weighted = jacobian.T * weight
+        return weighted @ jacobian, weighted @ system.values(x)
 
     return _descended(problem, start, end, value, model)
 
@@ -61,17 +62,24 @@ def newton_polish(
     def value(x: NDArray[Any]) -> float:
         return float(row.values(x)[0])
 
-    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[sps.csr_array, NDArray[Any]]:
-        return row.gradient_system.jacobian(x)[inner][:, inner], row.gradient(x)[inner]
+    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[Matrix, NDArray[Any]]:
+        return _jacobian(row.gradient_system, x)[inner][:, inner], row.gradient(x)[inner]
 
     return _descended(problem, x, end, value, model, steps)
 
 
-def _solved(matrix: sps.csr_array, right: NDArray[Any]) -> NDArray[np.float64]:
-    if right.size > _DENSE:
-        return np.asarray(spsolve(matrix.tocsc(), right))
+def _jacobian(system: PolynomialSystem, x: NDArray[Any]) -> Matrix:
+    """Compute the Jacobian, sparse from many variables on."""
+    return system.jacobian(x) if x.size > _DENSE else system.dense_jacobian(x)
+
+
+def _solved(matrix: Matrix, shift: float, right: NDArray[Any]) -> NDArray[np.float64]:
+    """Solve (matrix + shift I) step = right."""
+    if not isinstance(matrix, np.ndarray):
+        shifted = sps.csc_array(matrix + shift * sps.eye_array(right.size))
+        return np.asarray(spsolve(shifted, right))
     try:
-        return np.linalg.solve(matrix.toarray(), right)
+        return np.linalg.solve(matrix + shift * np.eye(right.size), right)
     except np.linalg.LinAlgError:
         return np.full(right.size, np.nan)  # as sparse elimination returns it
 
@@ -81,7 +89,7 @@ def _descended(
     x: NDArray[np.float64],
     end: float,
     value: Callable[[NDArray[Any]], float],
-    model: Callable[[NDArray[Any], NDArray[Any]], tuple[sps.csr_array, NDArray[Any]]],
+    model: Callable[[NDArray[Any], NDArray[Any]], tuple[Matrix, NDArray[Any]]],
     steps: int = _STEPS,
 ) -> NDArray[np.float64]:
     """Take steps -(H + shift I)^-1 g in the inner variables while they descend.
@@ -97,10 +105,9 @@ def _descended(
             break
         inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
         hessian, slope = model(x, inner)
-        size = max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
-        shifted = hessian + (shift + 1e-12) * size * sps.eye_array(inner.size)
+        size = max(1.0, float(abs(hessian).max())) if inner.size else 1.0
         step = np.zeros(x.size)
-        step[inner] = -_solved(shifted, slope)
+        step[inner] = -_solved(hessian, (shift + 1e-12) * size, slope)
         trial = np.clip(x + step, problem.lower, problem.upper)
         new = value(trial)
         if new < reached:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
 from math import comb, inf
 from typing import Any
 
@@ -34,6 +37,7 @@ from setid.control.parameters.sums import (
     in_time,
     within_doubles,
 )
+from setid.priors.stability import rounded_up
 from sparsepop_py.budget import LimitReached
 
 __all__ = ["ParameterSet", "consistent_set"]
@@ -43,7 +47,7 @@ _EPS = 2.0**-52
 _WINDOW = 300  # samples of a box from rows one by one
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ParameterSet:
     """The vectors theta = offset + basis (origin + axes z) with z in a polytope.
 
@@ -109,6 +113,29 @@ class ParameterSet:
         low, high = self.polytope.ranges(directions)
         slack = loss + 4 * _EPS * (np.abs(constant) + np.maximum(np.abs(low), np.abs(high)))
         return constant + low - slack, constant + high + slack
+
+    def exact_ranges(self, weights: Sequence[Sequence[Fraction]]) -> tuple[Reals, Reals]:
+        """Bound values (K,) of weights (K, p) theta from both sides, weights that are no doubles.
+
+        Their rounding is paid for by the largest absolute values of the parameters.
+        """
+        rounded = np.array([[float(c) for c in row] for row in weights])
+        low, high = self.ranges(np.zeros(len(rounded)), rounded)
+        for place, (row, near) in enumerate(zip(weights, rounded.tolist(), strict=True)):
+            errors = [abs(c - Fraction(r)) for c, r in zip(row, near, strict=True)]
+            parts = [(e, r) for e, r in zip(errors, self._reach, strict=True) if e]
+            if parts:
+                loss = inf
+                if all(r < inf for _, r in parts):
+                    loss = rounded_up(sum((e * Fraction(r) for e, r in parts), Fraction()))
+                low[place] = np.nextafter(low[place] - loss, -inf)
+                high[place] = np.nextafter(high[place] + loss, inf)
+        return low, high
+
+    @cached_property
+    def _reach(self) -> list[float]:
+        """Largest absolute values (p,) of the parameters, by proof."""
+        return [max(abs(a), abs(b)) for a, b in zip(*(e.tolist() for e in self.box), strict=True)]
 
     @property
     def box(self) -> tuple[Reals, Reals]:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from fractions import Fraction
 from math import inf, nan, sqrt
-
-import numpy as np
-from numpy.typing import NDArray
 
 from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["ratio_range", "series_times"]
 
-Reals = NDArray[np.float64]
 _BISECTIONS = 60
 
 
-def ratio_range(found: ParameterSet, top: Reals, below: Reals) -> tuple[float, float]:
+def ratio_range(
+    found: ParameterSet, top: Sequence[Fraction], below: Sequence[Fraction]
+) -> tuple[float, float]:
     """Bound top'theta / below'theta over a set; infinite where the divisor may vanish.
 
     A number c is a lower bound where the least value of (top - c below)'theta is proved to be
@@ -24,34 +24,39 @@ def ratio_range(found: ParameterSet, top: Reals, below: Reals) -> tuple[float, f
     Parameters
     ----------
     found : ParameterSet
-    top, below : (p,) float
+    top, below : p rationals
     """
-    zero = np.zeros(1)
-    low, high = found.ranges(zero, below[None, :])
+    low, high = found.exact_ranges([below])
     if low[0] <= 0.0 <= high[0]:
         return -inf, inf
-    sign = 1.0 if low[0] > 0 else -1.0
-    top, below = sign * top, sign * below
+    sign = 1 if low[0] > 0 else -1
+    top, below = [sign * c for c in top], [sign * c for c in below]
     least = _bound(found, top, below)
-    return least, -_bound(found, -top, below)
+    return least, -_bound(found, [-c for c in top], below)
 
 
-def _bound(found: ParameterSet, top: Reals, below: Reals) -> float:
-    """A proved lower bound of top'theta / below'theta, the divisor being positive."""
-    zero = np.zeros(1)
-    ends = found.ranges(np.zeros(2), np.stack([top, below]))
+def _bound(found: ParameterSet, top: list[Fraction], below: list[Fraction]) -> float:
+    """Find a proved lower bound of top'theta / below'theta, the divisor being positive."""
+    ends = found.exact_ranges([top, below])
     size = max(abs(ends[0][0]), abs(ends[1][0])) / min(abs(ends[0][1]), abs(ends[1][1]))
     low, high = -2.0 * size - 1e-300, 2.0 * size + 1e-300
-    if not found.ranges(zero, (top - low * below)[None, :])[0][0] >= 0.0:
+    if not _holds(found, top, below, low):
         return -inf
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        if found.ranges(zero, (top - middle * below)[None, :])[0][0] >= 0.0:
+        if _holds(found, top, below, middle):
             low = middle
         else:
             high = middle
-    # top - c below is rounded: the weights are those of another c, within one unit each
-    return float(low - 1e-14 * (abs(low) + size))
+    return float(low)
+
+
+def _holds(found: ParameterSet, top: list[Fraction], below: list[Fraction], c: float) -> bool:
+    """Check by proof that (top - c below)'theta >= 0 all over the set."""
+    if not abs(c) < inf:
+        return False
+    weights = [t - Fraction(c) * b for t, b in zip(top, below, strict=True)]
+    return bool(found.exact_ranges([weights])[0][0] >= 0.0)
 
 
 def series_times(

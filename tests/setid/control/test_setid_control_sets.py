@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from fractions import Fraction
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +13,9 @@ from scipy.signal import lfilter
 
 import setid
 from setid.control.certificates.arcs import Family, first_arcs, ratio_on_arcs, zero_free
-from setid.control.parameters.parameter_set import consistent_set
+from setid.control.parameters.parameter_set import ParameterSet, consistent_set
 from setid.control.parameters.polytope import Polytope
+from setid.control.parameters.ratios import ratio_range
 from setid.control.parameters.rows import noisy_rows
 from setid.control.parameters.sums import Frame, rows_on_box, sums_of
 
@@ -197,3 +200,31 @@ def test_a_clock_only_chooses_between_two_sets(monkeypatch: pytest.MonkeyPatch) 
         whole.append(np.array_equal(box, full))
         assert whole[-1] or np.array_equal(box, brief)
     assert whole == sorted(whole) and not whole[0] and whole[-1]
+
+
+@pytest.mark.parametrize("reach", [1.0, np.inf])
+def test_the_rounding_of_weights_is_paid_for(reach: float) -> None:
+    """At theta = (1, 1) the weights 10^17 + 1/3 and -10^17 give 1/3, as doubles 0."""
+    third, large = Fraction(1, 3), Fraction(10**17)
+    point = SimpleNamespace(
+        ranges=lambda constants, weights: (weights.sum(axis=1), weights.sum(axis=1)),
+        _reach=[reach, reach],
+    )
+    low, high = ParameterSet.exact_ranges(point, [[large + third, -large], [large, -large]])
+    assert low[0] <= third <= high[0]
+    assert (low[1], high[1]) == (0.0, 0.0)
+    assert np.isfinite(high[0]) == np.isfinite(reach)
+
+
+def test_ratios_of_weights_that_no_double_holds() -> None:
+    """Of 1/3 theta_1 by theta_2, theta_1 in [3, 6] and theta_2 in [1, 2]."""
+    box = np.array([3.0, 1.0]), np.array([6.0, 2.0])
+
+    def ranges(constants: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ends = np.sort(np.stack([weights * box[0], weights * box[1]]), axis=0).sum(axis=2)
+        return constants + ends[0], constants + ends[1]
+
+    found = SimpleNamespace(ranges=ranges, _reach=[6.0, 2.0])
+    found.exact_ranges = lambda weights: ParameterSet.exact_ranges(found, weights)
+    low, high = ratio_range(found, [Fraction(1, 3), Fraction()], [Fraction(), Fraction(1)])
+    assert 0.5 - 1e-12 <= low <= 0.5 and 2.0 <= high <= 2.0 + 1e-12
