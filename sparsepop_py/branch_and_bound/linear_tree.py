@@ -48,7 +48,7 @@ Floats = NDArray[np.float64]
 def suits_linear_tree(problem: Problem) -> bool:
     """Check for a small problem of degree 1 or 2 without matrices.
 
-    It may be larger where all its products are zero by equations of their own.
+    It may be larger where branches decide all that is not convex.
     """
     if problem.degree > 2 or problem.matrices.constraints.size:
         return False
@@ -58,7 +58,9 @@ def suits_linear_tree(problem: Problem) -> bool:
     larger = LINEAR_TREE.larger
     if n > larger * LINEAR_TREE.most_variables or m > larger * LINEAR_TREE.most_constraints:
         return False
-    return ProductModel.of(problem).disjunctive
+    model = ProductModel.of(problem)
+    few = model.columns <= LINEAR_TREE.most_columns
+    return model.disjunctive or (few and model.convex_but_values)
 
 
 def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
@@ -86,7 +88,7 @@ def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
     linear = data.cost.copy()
     linear[n:] = 0.0
     kept = model.rows + 1 + model.envelopes
-    rows = model.matrix(data.values)[:kept], data.low[:kept], model.free[:kept]
+    rows = model.matrix(data.values)[:kept], data.low[:kept], data.free[:kept]
     hessian = sps.csc_array(2.0 * spread.T @ spread)
     return minimise_on_box(hessian, linear, rows, (model.least, np.ones(model.columns)))
 
@@ -133,7 +135,8 @@ class LinearTree:
         Given a context, candidate vectors, whether a proof of these is enough, without a search
         from them, and a bound: the context with a better incumbent if one is proved.
     variables : (k,) int, optional
-        Branching variables; those in products when left out.
+        Branching variables. When left out: those of two values where all else is convex, otherwise
+        those in products.
     """
 
     context: SolveContext
@@ -156,7 +159,8 @@ class LinearTree:
         self.propagation = FloatPropagation(self.model)
         self.root = _Open(self.box.lo.copy(), self.box.hi.copy())
         if self.variables is None:
-            self.variables = self.model.factors
+            convex = self.model.convex_but_values
+            self.variables = self.model.two_valued if convex else self.model.factors
         self._preference = np.full(self.model.dimension, LINEAR_TREE.others)
         products = Products.of(self.context.problem)
         self._preference[list(products.complicating)] = 1.0
@@ -169,6 +173,9 @@ class LinearTree:
         known = self.box.lo[found.variable] >= 0
         self._factors, self._rows = found.variable[known], found.inequality[known]
         self._width = np.maximum(self.box.width(), 1e-300)
+        if self._decides:  # it may last until time is over, and its proof takes time, too
+            deadline = self.context.deadline.part(LINEAR_TREE.time_share)
+            self.context = replace(self.context, deadline=deadline)
 
     # ---- the search ---------------------------------------------------------------------------
 
@@ -211,7 +218,9 @@ class LinearTree:
 
     @property
     def _decides(self) -> bool:
-        """True if all products belong to factors that branches separate."""
+        """True if branches decide all that is not convex: values, or zero factors."""
+        if self.model.convex_but_values:
+            return True
         found = self._pairs.shape[0] + self._factors.size
         every = self.model.complementary.shape[0] + self.model.complements.variable.size
         return found == every and self.model.disjunctive
@@ -220,7 +229,7 @@ class LinearTree:
     def _most_nodes(self) -> int:
         """Nodes that the tree may have: fewer where programs are larger.
 
-        Where every branch decides which factor of a product is zero, the tree is finite.
+        Where every branch decides a value, or which factor of a product is zero, it is finite.
         """
         if self._decides:
             return LINEAR_TREE.most_decisions
@@ -258,8 +267,9 @@ class LinearTree:
 
     def _improve(self, node: _Open, program: _Program, number: int) -> bool:
         """Add cuts, search points and tighten the box; return whether another round may gain."""
-        if self._cut(node, program, number):
-            self._search_minimiser(node)
+        new = self._cut(node, program, number)
+        self._search_minimiser(node)
+        if new:
             return node.bound < self.goal
         if self._promises(program.point):
             self._search(program.point, node)
@@ -316,9 +326,13 @@ class LinearTree:
         return program
 
     def _cut(self, node: _Open, program: _Program, number: int) -> bool:
-        """Add cuts of convex rows that the solution of a node violates."""
+        """Add cuts of convex rows that the solution of a node violates.
+
+        The oldest make room where branches decide all that is not convex. Elsewhere a tree that
+        has filled the room is given up soon.
+        """
         model, most = self.model, LINEAR_TREE.cut_rounds if node is self.root else 1
-        room = len(model.cuts) < LINEAR_TREE.most_cuts
+        room = len(model.cuts) < LINEAR_TREE.most_cuts or model.convex_but_values
         if program.t is None or number >= most or not model.convex or not room:
             return False
         own = program.point
@@ -328,7 +342,7 @@ class LinearTree:
         ]
         new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
         if new:
-            self.model = model.with_cuts((*model.cuts, *new))
+            self.model = model.with_cuts((*model.cuts, *new)[-LINEAR_TREE.most_cuts :])
         return bool(new)
 
     def _minimiser(self, program: _Program, number: int) -> Floats:

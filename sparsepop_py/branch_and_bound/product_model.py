@@ -45,6 +45,7 @@ __all__ = ["LinearData", "ProductModel", "SquareCut"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _LEAST_SIZE = 1e-7  # of the largest term: where variables are nearly fixed the rest is rounding
+_NOISE = 0.5  # largest coefficient of rows that this floor has made smaller than one
 
 # Envelopes of w = t_i t_j: coefficients of w, t_i, t_j, and the bound families of both factors,
 # 1 for t - (-1) and 2 for 1 - t. Each row is the product of two such factors, >= -1 without its
@@ -62,7 +63,7 @@ class LinearData:
     values : (K,) float
         Nonzeros of A, in the order of :attr:`ProductModel.pattern`.
     low : (R,) float
-        Right sides b.
+        Right sides b; -inf for rows that vary by rounding alone, which are left out.
     cost : (N,) float
         The objective over its size, without its constant.
     constant, size : float
@@ -266,6 +267,20 @@ class ProductModel:
         return bool(decided.size and np.all(decided))
 
     @cached_property
+    def convex_but_values(self) -> bool:
+        """True if all is convex once variables of two values have one of them.
+
+        Rows are linear but for the equations that leave variables two values.
+        """
+        products = (self.column >= self.dimension) & (self.row < self.rows)
+        part = self.column[products] - self.dimension
+        simple = self.square[part] & np.isin(self.first[part], self.two_valued)
+        equal = np.append(self.equality, False)[self.row[products]]
+        curved = np.any((self.column >= self.dimension) & (self.row == self.rows))
+        decided = bool(self.two_valued.size and np.all(simple & equal))
+        return decided and (not curved or self.rows in self.convex)
+
+    @cached_property
     def _alone(self) -> NDArray[np.bool_]:
         """Terms that a row makes zero, or at most zero, alone, shape (T,)."""
         terms = np.bincount(self.row, minlength=self.rows + 1)
@@ -373,6 +388,7 @@ class ProductModel:
         for name in (
             "square",
             "two_valued",
+            "convex_but_values",
             "complementary",
             "least",
             "_parts",
@@ -403,6 +419,9 @@ class ProductModel:
         with np.errstate(invalid="ignore"):
             values /= sizes[rows]
             constant = constant / sizes
+        largest = np.zeros(sizes.size)
+        np.maximum.at(largest, rows, np.abs(values))
+        noise = np.flatnonzero((largest[:-1] > 0) & (largest[:-1] < _NOISE))
         envelopes = self._envelopes
         cuts = [cut.row(scaling) for cut in self.cuts]
         last = [np.array([right for _, right in cuts])]
@@ -413,6 +432,7 @@ class ProductModel:
         size = float(sizes[-1])
         everything = np.concatenate([values, envelopes[2], *(part for part, _ in cuts)])
         free = self._equations(scaling)
+        low[noise], free[noise] = -np.inf, False
         return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes, free)
 
     def _equations(self, scaling: Scaling) -> NDArray[np.bool_]:

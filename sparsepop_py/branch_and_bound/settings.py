@@ -71,10 +71,12 @@ class LinearTreeSettings:
     most_nodes, most_columns : int
         Nodes after which it is given up, and columns of all their programs.
     larger : int
-        Multiple of these sizes up to which a problem may be whose products are all zero by
-        equations of their own.
+        Multiple of these sizes up to which a problem may be where branches decide all that is
+        not convex.
     most_decisions : int
         Nodes after which the tree of such a problem is given up.
+    time_share : float
+        Share of the time left that such a tree may take; its proof needs the rest.
     patience : int
         Number of nodes from which on a tree that progresses too slowly is given up.
     pace : float
@@ -147,6 +149,7 @@ class LinearTreeSettings:
     most_columns: int = 3000
     larger: int = 6
     most_decisions: int = 5_000
+    time_share: float = 0.8
     patience: int = 12
     pace: float = 0.9
     margin: float = 0.03

@@ -16,6 +16,8 @@ from sparsepop_py.verified.certificate.polyhedron import Polyhedron
 
 __all__ = ["QuadraticSolution", "minimise_on_box", "solve_convex_qp"]
 
+_ACCURACY = 1e-12  # a tangent at the minimiser bounds a program as well as its gradient vanishes
+
 
 @dataclass(frozen=True, eq=False)
 class QuadraticSolution:
@@ -112,6 +114,6 @@ def minimise_on_box(
     sides = np.concatenate([-right[equal], -right[others], -bounds[0], bounds[1]])
     cones = Cones(equal.size, others.size + 2 * cost.size, ())
     upper = sps.csc_matrix(sps.triu(hessian))
-    result = run_clarabel(upper, cost, stacked, sides, cones, SolverSettings())
+    result = run_clarabel(upper, cost, stacked, sides, cones, SolverSettings(accuracy=_ACCURACY))
     solved = STATUS.get(result.status, "failed") in ("solved", "almost")
     return result.x if solved else None

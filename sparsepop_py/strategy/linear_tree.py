@@ -131,15 +131,17 @@ def by_linear_tree(
             closed = tree.run()
     except EARLY as cause:
         context.deadline.ended(cause)
+    whole, over = context.deadline, tree.context.deadline.over
     try:
-        if closed or context.deadline.over:
+        if closed or over:
             certificate = _settled(tree, model, known)
     except EARLY as cause:
-        context.deadline.ended(cause)
-    context = tree.context
+        whole.ended(cause)
+    context = replace(tree.context, deadline=whole)
     proved = lower_bound(certificate)
-    if certificate is None or not (context.closed(proved) or context.deadline.over):
+    if certificate is None or not (context.closed(proved) or over):
         return LinearTreeResult(context, seen)
+    whole.cut |= not context.closed(proved)
     entry = HistoryEntry(
         name="linear tree",
         order=0,

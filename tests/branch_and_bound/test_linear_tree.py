@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -283,3 +283,91 @@ def test_complementary_pairs_are_equations_of_one_product():
     assert ProductModel.of(Problem(x, rows, 0, 1)).complementary.tolist() == [[0, 1]]
     least = Problem(x, [x * y <= 0, x * z >= 0], 0, 1)  # as good as an equation
     assert ProductModel.of(least).complementary.tolist() == [[0, 1]]
+
+
+def few_regressors(seed: int, n: int = 7, most: int = 3) -> tuple[Problem, float]:
+    """Least squares with few of n coefficients, and its optimum by all choices of them."""
+    rng = np.random.default_rng(seed)
+    X = rng.integers(-8, 9, (12, n)).astype(float)
+    y = X[:, :most] @ np.ones(most) + rng.integers(-4, 5, 12)
+    v = sp.variables(2 * n)
+    a, b = v[:n], v[n:]
+    squares = sum(float(q) * a[i] * a[j] for (i, j), q in np.ndenumerate(X.T @ X))
+    objective = (
+        squares - 2 * sum(float(c) * t for c, t in zip(X.T @ y, a, strict=True)) + float(y @ y)
+    )
+    rows = [sum(b) <= most, *(t**2 == t for t in b)]
+    rows += [t <= 9 * u for t, u in zip(a, b, strict=True)] + [
+        t >= -9 * u for t, u in zip(a, b, strict=True)
+    ]
+    least = np.inf
+    for chosen in combinations(range(n), most):
+        part = X[:, chosen]
+        w = np.linalg.lstsq(part, y, rcond=None)[0]
+        assert np.abs(w).max() < 9.0  # its bounds do not bind
+        least = min(least, float(np.sum((part @ w - y) ** 2)))
+    return Problem(objective, rows, [-9] * n + [0] * n, [9] * n + [1] * n), least
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_convex_objectives_with_binaries_against_all_choices(seed):
+    problem, least = few_regressors(seed)
+    assert ProductModel.of(problem).convex_but_values
+    result = check(problem, sp.solve(problem, AUTO))
+    assert names(result) == ["linear tree"] and result.status is Status.OPTIMAL
+    assert result.lower_bound == pytest.approx(least, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nearest_binary_points_against_all_of_them(seed):
+    """Exact: the squares are of whole numbers."""
+    rng = np.random.default_rng(seed)
+    A, y = rng.integers(-9, 10, (9, 8)), rng.integers(-20, 21, 9)
+    b = sp.variables(8)
+    G, c = A.T @ A, A.T @ y
+    objective = sum(int(q) * b[i] * b[j] for (i, j), q in np.ndenumerate(G))
+    objective = objective - 2 * sum(int(q) * t for q, t in zip(c, b, strict=True)) + int(y @ y)
+    problem = Problem(objective, [t * (1 - t) == 0 for t in b], 0, 1)
+    least = min(int(np.sum((A @ np.array(p) - y) ** 2)) for p in product((0, 1), repeat=8))
+    result = check(problem, sp.solve(problem, AUTO))
+    assert names(result) == ["linear tree"]
+    assert result.lower_bound <= least <= result.lower_bound + 1e-6 * (1 + least)
+
+
+def test_what_is_convex_but_for_values():
+    x, b, c = sp.variables(3)
+    two = [b**2 == b, 2 * c**2 == 3 * c]
+
+    def holds(objective, *rows):
+        return ProductModel.of(Problem(objective, rows, [-1] * 3, [1] * 3)).convex_but_values
+
+    assert holds(x**2 + b * c + b**2 + c**2, *two)
+    assert holds(x + b, x <= b, *two)
+    assert not holds(x**2 + b, x <= b)  # no variable of two values
+    assert not holds(x * b, *two)  # not convex
+    assert not holds(x, x * b <= 0.5, *two)  # a product in a row
+    assert not holds(x, b**2 <= b)  # a row that leaves an interval
+    assert not holds(x, x**2 <= 0.5, *two)  # a convex row, for which cuts are slow
+
+
+def test_rows_that_vary_by_rounding_alone_are_left_out():
+    """On a box where b + c <= 1 holds with equality up to 1e-13, its sign would be chance."""
+    x, b, c = sp.variables(3)
+    problem = Problem(x, [b + c <= 1, x >= b, b**2 == b], 0, 1)
+    model = ProductModel.of(problem)
+    box = Interval(np.array([0.0, 1 - 1e-13, 0.0]), np.array([1.0, 1.0, 1e-13]))
+    data = model.on_box(Scaling.of_box(box))
+    assert np.isneginf(data.low[[0, 2]]).all() and np.isfinite(data.low[1])
+    assert not data.free[:3].any()
+    whole = model.on_box(Scaling.of_box(Interval(np.zeros(3), np.ones(3))))
+    assert np.isfinite(whole.low[:3]).all() and whole.free[2]
+
+
+def test_a_tree_that_time_ends_keeps_its_bound():
+    """Its proof needs a part of the time: without one, a thousand nodes would prove nothing."""
+    problem, _ = few_regressors(0)
+    context = SolveContext(problem, AUTO, Stages(), Deadline(100.0))
+    box = Interval(problem.lower, problem.upper)
+    tree = LinearTree(context, box, lambda now, *_: now)
+    left = tree.context.deadline.left
+    assert left is not None and 70.0 < left <= 80.0
