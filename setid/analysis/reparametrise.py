@@ -251,13 +251,14 @@ def reparametrise(
         raise SetidError(f"physical: found {type(physical).__name__}, expected setid.Physical")
     if result.empty:
         return Reparametrisation(result, physical, _empty(physical), None)
+    deadline = settings.limits()  # it counts how the problem is stated, too
     formulation = with_relations(result.formulation, physical, result.intervals)
     problem = problem_within(formulation, result.intervals)
     scaled = in_units(problem, formulation)
     found = sp.solve_each(
         scaled.problem,
         [scaled.asked(objective)[0] for objective in objectives_of(formulation, physical)],
-        settings.for_engine(),
+        settings.within(deadline).for_engine(),
         start=_start(formulation, result, scaled),
     )
     notes = tuple(dict.fromkeys(note for one in found for note in one.notes))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import time
 from dataclasses import replace
 from math import inf
 
@@ -13,6 +14,8 @@ from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 import setid
+import sparsepop_py as sp
+from setid.analysis import reparametrise
 from setid.priors.base import Facts
 from setid.proofs.evidence import EndProof
 from setid.proofs.physical import verify_physical, with_relations
@@ -357,6 +360,25 @@ def test_wrong_arguments():
         setid.reparametrise(1, physical)
     with pytest.raises(setid.SetidError, match="physical: found dict"):
         setid.reparametrise(small(), {})
+
+
+def test_the_limit_counts_how_the_problem_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = []
+    state, solve = reparametrise.with_relations, sp.solve_each
+
+    def slowly(*given):
+        time.sleep(0.02)
+        return state(*given)
+
+    def noted(problem, objectives, options, start):
+        left.append(options.time_limit)
+        return solve(problem, objectives, options, start=start)
+
+    monkeypatch.setattr(reparametrise, "with_relations", slowly)
+    monkeypatch.setattr(reparametrise.sp, "solve_each", noted)
+    physical = setid.Physical({"K": (0, 10)}, ["b0 = K"])
+    setid.reparametrise(small(), physical, setid.Options(time_limit=5.0, progress=False))
+    assert len(left) == 1 and 0 < left[0] <= 4.98
 
 
 @pytest.mark.parametrize("status", ["CERTIFIED", "PARTIAL", "UNBOUNDED", "UNIDENTIFIABLE"])
