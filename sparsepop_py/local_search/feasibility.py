@@ -17,7 +17,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.budget import check
+from sparsepop_py.budget import LimitReached, before_check, check
 from sparsepop_py.lp.highs import solve_lp
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_point
@@ -31,6 +31,7 @@ _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
 _MARGIN = 0.1  # of a depth: less is as good as none
 _DENSE = 10_000  # entries of the largest Jacobian that is dense
+_SECONDS_OF_PRODUCT = 2e-10  # at least, for one in a QR, which nothing stops
 _ACTIVE = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -250,6 +251,8 @@ def _has_products(problem: Problem, x: NDArray[Any], chosen: NDArray[np.bool_]) 
 
 def _leading_columns(matrix: NDArray[Any]) -> NDArray[np.int64] | None:
     """Select as many columns as rows by QR with pivoting; None if rows depend."""
+    if matrix.shape[0] * matrix.size * _SECONDS_OF_PRODUCT > before_check():
+        raise LimitReached
     triangle, pivots = scipy.linalg.qr(matrix, mode="r", pivoting=True)
     m = matrix.shape[0]
     size = np.abs(np.diag(triangle))

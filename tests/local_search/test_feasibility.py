@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.budget import LimitReached
+from sparsepop_py.local_search import feasibility
 from sparsepop_py.local_search.feasibility import prove_feasible
 
 # Haverly's pooling problem (C. A. Haverly, SIGMAP Bulletin 25 (1978) 19-28), optimum -400
@@ -54,3 +56,10 @@ def test_rows_of_pinned_variables_are_not_solved(pinned: Callable[[Any], list[An
     found = prove_feasible(problem, near)
     assert found is not None and found.proof == "krawczyk"
     assert found.rows.tolist() == list(range(25)) and found.x[-1] == 0.3
+
+
+def test_no_factorisation_begins_that_outlasts_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(feasibility, "before_check", lambda: 1e-6)  # seconds that are left
+    assert feasibility._leading_columns(np.eye(2)).tolist() == [0, 1]
+    with pytest.raises(LimitReached):
+        feasibility._leading_columns(np.eye(200))
