@@ -328,7 +328,7 @@ def _family(family: Any, data: IOData) -> Family:
         ) from None
     except ValueError:  # of compiled functions nothing is known
         pass
-    return family
+    return lambda order, degree: asked("family", partial(family, order, degree), ModelError)
 
 
 def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep:
@@ -406,7 +406,7 @@ def _following(
     own = _told_apart(make(order, degree))
     for larger in [*behind, (order, degree + 1), (order + 1, degree)]:
         try:
-            found = asked("families", partial(make, *larger), ModelError)
+            found = make(*larger)
         except ModelError:  # a family may have none of sizes that were not asked for
             if larger in behind:
                 raise

@@ -113,6 +113,8 @@ def test_wrong_input_is_refused() -> None:
         setid.select(data, 3, noise, [1])
     with pytest.raises(setid.ModelError, match="family: found a callable of other arguments"):
         setid.select(data, lambda order: setid.TransferFunction(order, 1), noise, [1])
+    with pytest.raises(setid.ModelError, match="family: raised ZeroDivisionError"):
+        setid.select(data, lambda order, degree: 1 / 0, noise, [1])
 
 
 def test_an_interrupt_ends_the_selection(monkeypatch: pytest.MonkeyPatch) -> None:
