@@ -268,7 +268,9 @@ class Recursive:
         inputs = _rows_of(u, "u", self.model.inputs)
         outputs = _rows_of(y, "y", self.model.outputs)
         if len(inputs) != len(outputs):
-            raise DataError(f"u, y: found {len(inputs)} and {len(outputs)} samples")
+            raise DataError(
+                f"u, y: found {len(inputs)} and {len(outputs)} samples, expected equal numbers"
+            )
         before = dict(vars(self))  # each is replaced, none is changed in place
         try:
             for one, other in zip(inputs, outputs, strict=True):

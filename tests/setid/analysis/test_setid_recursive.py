@@ -338,3 +338,10 @@ def test_the_summary_does_not_say_that_each_sample_cut_the_box() -> None:
     assert np.array_equal(before, online.box) and online.cost.solved == 2
     assert "cut the box" not in online.summary()
     assert "bounds computed anew at 2 of them" in online.summary()
+
+
+def test_samples_in_pairs() -> None:
+    online = setid.Recursive(setid.TransferFunction(1, 1, 1), setid.Noise(equation=0.1))
+    with pytest.raises(setid.DataError, match="found 2 and 1 samples, expected equal numbers"):
+        online.update([1.0, 2.0], [1.0])
+    assert online.samples == 0
