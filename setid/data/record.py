@@ -476,7 +476,7 @@ class IOData:
         ----------
         at : int or float
             A row number in 1..N-1, which is the first row of the second part, or a fraction of the
-            samples between 0 and 1, rounded down to a row.
+            samples between 0 and 1, rounded to the nearest row.
 
         Returns
         -------
@@ -700,7 +700,8 @@ def _without_trend(values: NDArray[np.float64], degree: int) -> NDArray[np.float
     time = np.linspace(-1.0, 1.0, len(values))
     for column in result.T:
         known = ~np.isnan(column)
-        if np.count_nonzero(known) > degree:
-            trend = np.polynomial.polynomial.polyfit(time[known], column[known], degree)
+        if np.any(known):
+            most = min(degree, int(known.sum()) - 1)  # one reading is its own mean
+            trend = np.polynomial.polynomial.polyfit(time[known], column[known], most)
             column -= np.polynomial.polynomial.polyval(time, trend)
     return result

@@ -118,6 +118,7 @@ def test_split_and_decimate_respect_records() -> None:
     assert left.u.ravel().tolist() == u[:4].tolist() and left.starts.tolist() == [0]
     assert right.starts.tolist() == [0, 2] and right.samples == 6
     assert data.split(6)[1].starts.tolist() == [0]
+    assert [data.split(share)[0].samples for share in (0.44, 0.46)] == [4, 5]  # the nearest rows
     thin = data.decimate(4)
     assert thin.u.ravel().tolist() == [0, 16, 36] and thin.starts.tolist() == [0, 2]
     assert thin.Ts == 8.0 and "decimated by 4" in thin.assumptions[0]
@@ -132,6 +133,9 @@ def test_detrend_is_a_new_record_with_an_assumption() -> None:
     assert np.isnan(flat.y[5, 0]) and "linear" in flat.assumptions[0]
     np.testing.assert_allclose(data.detrend().u.mean(), 0, atol=1e-12)
     assert data.y[0, 0] == 3.0
+    ends = setid.IOData([1, 2, 3, 7], [5, 7, 9, 4], starts=[0, 3]).detrend("linear")
+    np.testing.assert_allclose(ends.y, 0, atol=1e-12)  # one sample has its mean as its trend
+    np.testing.assert_allclose(ends.u, 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", " "])
