@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
 
-from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.errors import FormatError, ProblemError, entries_of
 from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
@@ -176,7 +176,16 @@ class Study(BaseStudy):
         OutputError
             If another run writes the file.
         """
-        self._add([self._task(*task) for task in tasks])
+        entries = []
+        for number, task in enumerate(entries_of(tasks, "tasks", "a list of tasks")):
+            parts = entries_of(task, f"tasks[{number}]", "name, problem, options and tags")
+            if not 2 <= len(parts) <= 4:
+                raise ProblemError(
+                    f"tasks[{number}]: found {len(parts)} entries, "
+                    "expected name, problem, options and tags"
+                )
+            entries.append(self._task(*parts))
+        self._add(entries)
 
     def _task(self, name: str, problem: Any, options: Any = None, tags: Tags | None = None) -> Any:
         if not isinstance(problem, Problem):

@@ -460,6 +460,8 @@ def _translated(path: Path) -> Iterator[None]:
     """Turn errors of SQLite into ours."""
     try:
         yield
+    except UnicodeDecodeError as error:  # where a message of SQLite quotes damaged names
+        raise FormatError(f"{path}: found a damaged file: {error}") from error
     except sqlite3.DatabaseError as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):

@@ -19,9 +19,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar
 
-from sparsepop_py.errors import FormatError, OutputError, ProblemError
+from sparsepop_py.errors import FormatError, OutputError, ProblemError, check_kind, entries_of
 from sparsepop_py.executors.dispatch import Done, completed, opened
 from sparsepop_py.files import as_path, write_text
+from sparsepop_py.pipeline.arguments import check_callable
 from sparsepop_py.progress import Line
 from sparsepop_py.study.content import dump, fingerprint, load
 from sparsepop_py.study.store import Entry, Outcome, Store
@@ -142,6 +143,11 @@ def _storable(value: Any) -> bool:
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**64)
 
 
+def _check_name(name: Any) -> None:
+    if not isinstance(name, str) or not name or not _storable(name):
+        raise ProblemError(f"name: found {name!r:.80}, expected a text that is not empty")
+
+
 class BaseStudy:
     """Tasks and their outcomes in one file; subclasses say what the tasks are.
 
@@ -163,9 +169,10 @@ class BaseStudy:
     work: ClassVar[Work]
 
     def __init__(self, path: str | Path, *, trusted: Iterable[str] = ()) -> None:
-        if isinstance(trusted, str):
-            raise ProblemError(f"trusted: found {trusted!r}, expected a list of modules")
-        self._trusted = tuple(trusted)
+        modules = entries_of(trusted, "trusted", "a list of modules")
+        for number, module in enumerate(modules):
+            check_kind(module, str, f"trusted[{number}]")
+        self._trusted = tuple(modules)
         self._store = Store(path, self.work.kind, self.work.columns)
         self.path = self._store.path
 
@@ -175,8 +182,7 @@ class BaseStudy:
     # ---- tasks ------------------------------------------------------------------------------
 
     def _entry(self, name: str, arguments: tuple[Any, ...], tags: Tags | None) -> Entry:
-        if not isinstance(name, str) or not name or not _storable(name):
-            raise ProblemError(f"name: found {name!r}, expected a text that is not empty")
+        _check_name(name)
         if tags is not None and not isinstance(tags, Mapping):
             raise ProblemError(f"tags: found {tags!r:.80}, expected a mapping of columns to values")
         columns = dict(tags or {})
@@ -244,6 +250,7 @@ class BaseStudy:
         """
         if isinstance(ahead, bool) or not isinstance(ahead, int) or ahead < 1:
             raise ProblemError(f"ahead: found {ahead!r}, expected an integer >= 1")
+        check_callable("on_progress", on_progress)
         with suppress(KeyboardInterrupt):  # it ends processes of our own with their tasks
             with opened(workers, executor) as chosen, self._store.writing():
                 self._store.begin()
@@ -317,6 +324,7 @@ class BaseStudy:
         FormatError
             If what was stored is damaged, or belongs to another task.
         """
+        _check_name(name)
         outcome = self._store.outcome(name)
         if outcome is None:
             raise ProblemError(f"name: found {name!r}, which has no result yet; run the study")

@@ -378,6 +378,15 @@ def test_cells_of_another_type_are_damage(tmp_path: Path, change: str) -> None:
         sp.Study(path).table()
 
 
+def test_damaged_names_of_tables_are_damage(tmp_path: Path) -> None:
+    path = tmp_path / "a.study"
+    sp.Study(path)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"CREATE TABLE outcomes", b"CREATE\xd9TABLE outcomes"))
+    with pytest.raises(FormatError, match="found a damaged file"):
+        sp.Study(path)
+
+
 def test_outcomes_of_no_task_do_not_count(tmp_path: Path) -> None:
     """Two tasks were once three done, with less than no time left."""
     study = squares(tmp_path / "squares.study", (1,))
@@ -476,6 +485,14 @@ def test_fingerprints_say_what_a_value_is() -> None:
             r"tags\['c'\]: found 18",
         ),
         (lambda s: s.add("a\ud800", square(1)), r"name: found 'a\\ud800'"),
+        (lambda s: s.add_all(None), "tasks: found NoneType"),
+        (lambda s: s.add_all([3]), r"tasks\[0\]: found int"),
+        (lambda s: s.add_all([("a",)]), r"tasks\[0\]: found 1 entries"),
+        (lambda s: s.result([]), r"name: found \[\]"),
+        (lambda s: s.result("a\ud800"), r"name: found 'a\\ud800'"),
+        (lambda s: sp.Study(s.path, trusted=None), "trusted: found NoneType"),
+        (lambda s: sp.Study(s.path, trusted=[3]), r"trusted\[0\]: found int"),
+        (lambda s: s.run(on_progress=3), "on_progress: found int"),
         (lambda s: s.run(0), "workers: found 0"),
         (lambda s: s.run(2, ThreadPoolExecutor(1)), "found both"),
         (lambda s: s.run(ahead=0), "ahead: found 0"),
