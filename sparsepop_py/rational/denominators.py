@@ -24,7 +24,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 __all__ = ["prove_ranges", "sharpened"]
 
 Solve = Callable[[Problem, Options], Result]
-_MOST = 20.0  # seconds or units of work for one denominator, where no limit is given
+_MOST, _HALF = 20.0, 0.5  # seconds, or work, for one denominator; of the limit, if that is less
 _QUICK = 1.0  # seconds, or work, for a proof over all of space
 _FAR, _DIRECTIONS = 1e4, 64  # where polynomials with a minimum are positive
 _SHARP, _SHARE = 2.0, 0.2  # seconds, or work, to sharpen a range; of the limit, for all
@@ -164,7 +164,7 @@ def _by_relaxations(
     base: Problem, q: Polynomial, options: Options, solve: Solve
 ) -> tuple[int, Certificate]:
     """Bound q from below, or -q where q is attained below zero."""
-    first = _for_denominators(options, _MOST, 0.5)
+    first = _for_denominators(options, _MOST, _HALF)
     efforts = [first, replace(first, effort="auto")]
     for sign in (1, -1):
         proof = _everywhere(base, q * float(sign), first, solve)
@@ -190,8 +190,14 @@ def _by_relaxations(
         f"hold, only {rounded(low, False, 12)} <= q <= {rounded(high, True, 12)}"
         + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
         + "; expected bounds or constraints that keep it away from zero"
-        + (", or a longer time limit" if not seen and options.time_limit is not None else "")
+        + (", or a larger limit" if not seen and _limited(options) else "")
     )
+
+
+def _limited(options: Options) -> bool:
+    """Check whether larger limits would leave more for the sign of a denominator."""
+    given = (options.time_limit, options.cpu_limit, options.work_limit)
+    return any(limit is not None and _HALF * limit < _MOST for limit in given)
 
 
 def _attained(result: Result) -> str:

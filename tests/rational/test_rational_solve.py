@@ -8,6 +8,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.budget import Deadline, charge
+from sparsepop_py.rational.denominators import prove_ranges
 from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.solve import solve_rational
 
@@ -107,6 +108,23 @@ def test_denominators_whose_sign_is_not_proved_are_refused_by_name():
         sp.solve(sp.RationalProblem(1 / (x - y), lower=-2, upper=2))
     with pytest.raises(sp.DenominatorError, match="denominator x1"):
         sp.solve(sp.RationalProblem(y / x, lower=0, upper=2))  # zero at the edge
+
+
+@pytest.mark.parametrize(
+    ("limits", "helps"),
+    [({"work_limit": 10}, True), ({"time_limit": 100}, False), ({"work_limit": math.inf}, False)],
+)
+def test_larger_limits_are_advised_where_they_help(limits, helps):
+    # a denominator takes at most 20 seconds or units of work, and half of a limit
+    x, y = sp.variables(2)
+    motzkin = 1.5 + x**2 * y**2 * (x**2 + y**2 - 3)  # no sum of squares, at least 1/2
+
+    def plain(problem, options):
+        return sp.solve(problem, replace(options, effort="plain", refine="none"))
+
+    with pytest.raises(sp.DenominatorError, match="its sign is not proved") as caught:
+        prove_ranges(sp.RationalProblem(1 / motzkin), sp.Options(**limits), plain)
+    assert ("or a larger limit" in str(caught.value)) == helps
 
 
 def test_a_sign_that_intervals_do_not_see():
