@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import check_kind, entries_of
 from sparsepop_py.lp.exact_simplex import Outcome, Simplex
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Status
@@ -48,7 +49,7 @@ def linear_bounds(problem: Problem, objectives: Sequence[Polynomial]) -> list[Li
     Raises
     ------
     ProblemError
-        If an objective or a constraint is not linear.
+        If an objective or a constraint is not linear, or an argument has another type.
 
     References
     ----------
@@ -66,6 +67,8 @@ def linear_bounds(problem: Problem, objectives: Sequence[Polynomial]) -> list[Li
     >>> low.verify(cone, x).ok
     True
     """
+    check_kind(problem, Problem, "problem")
+    objectives = entries_of(objectives, "objectives", "a list of linear polynomials")
     check_linear(problem, objectives)
     simplex = Simplex(Polyhedron.of(problem))
     found: list[LinearBound] = []

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic.program import Cones, ConicProgram
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["assemble", "split_dual"]
@@ -36,7 +37,7 @@ def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
     Raises
     ------
     ProblemError
-        If the objective has a monomial that the relaxation does not hold.
+        If the objective has a monomial that the relaxation does not hold, or other variables.
 
     Examples
     --------
@@ -47,6 +48,13 @@ def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
     >>> program.A.shape, program.cones
     ((7, 5), Cones(zero=0, nonnegative=1, psd=(3,)))
     """
+    check_kind(relaxation, Relaxation, "relaxation")
+    check_kind(objective, Polynomial, "objective")
+    if objective.dimension != relaxation.problem.dimension:
+        raise ProblemError(
+            f"objective: found {objective.dimension} variables, "
+            f"expected {relaxation.problem.dimension}"
+        )
     q, offset = relaxation.objective_vector(objective)
     A, b = relaxation.scaled_rows
     linear = sum(g.count for g in relaxation.groups if not g.free and g.size == 1)

@@ -144,6 +144,12 @@ def test_only_linear_problems_are_taken() -> None:
     assert sp.linear_bounds(sp.Problem(x, [x >= 0]), []) == []
 
 
+def test_objectives_are_taken_from_any_iterable() -> None:
+    (x,) = sp.variables(1)
+    low, high = sp.linear_bounds(sp.Problem(x, lower=1, upper=2), (f for f in (x, -x)))
+    assert (low.value, high.value) == (1, -2)
+
+
 def test_coefficients_of_objectives_count_before_they_are_rounded() -> None:
     (x,) = sp.variables(1)
     problem = sp.Problem(x, [x >= 1])
