@@ -11,6 +11,7 @@ X, Y = sp.variables(2)
 F = X * Y
 P = sp.Problem(F, [X**2 + Y**2 <= 1], -1, 1)
 OBJECTIVE, ROWS, LOW, HIGH = sp.to_structs(P)
+R = sp.RationalProblem(X / (1 + Y**2), lower=-1, upper=1)
 HUGE, FLAT, PAIR, RAGGED = 10**400, np.array(3), np.array([1, 2]), [[1, 2], [3]]
 
 
@@ -77,6 +78,26 @@ WRONG = [
     ("param.sparseSW", lambda: struct(param={"sparseSW": 1 + 0j})),
     ("param.printFileName", lambda: struct(param={"printFileName": 1 + 0j})),
     ("param.relaxOrder", lambda: struct(param={"relaxOrder": HUGE})),
+    ("Options.branch_on", lambda: sp.solve(R, sp.Options(branch_on=[2]))),  # of x1 and x2 alone
+    *(("start", lambda v=v: sp.solve(R, start=v)) for v in ("a", ["1", "2"], [1j, 0], RAGGED)),
+    *(("start", lambda v=v: sp.solve(P, start=v)) for v in (["1", "2"], [HUGE, 0], [np.nan, 0])),
+    ("x", lambda: R.violation("a")),
+    ("level", lambda: R.single_ratio("a")),
+    ("level", lambda: R.single_ratio([1.0])),
+    ("denominator", lambda: R.place(3)),
+    ("denominator", lambda: R.place(X)),
+    ("ranges", lambda: R.lifted(None)),
+    (r"ranges\[0\]", lambda: R.lifted([3])),
+    ("ranges", lambda: sp.RationalCertificate("r1:", 0.0, None)),
+    ("ratios", lambda: sp.Rational(X, None)),
+    (r"ratios\[0\]", lambda: sp.Rational(X, (X,))),
+    (r"ratios\[0\]", lambda: sp.Rational(X, ((X, Y, X),))),
+    ("problem", lambda: sp.linear_bounds(R, [X])),
+    ("objectives", lambda: sp.linear_bounds(sp.Problem(X), X)),
+    ("objectives", lambda: sp.linear_bounds(sp.Problem(X), None)),
+    ("relaxation", lambda: sp.assemble(P, X)),
+    ("objective", lambda: sp.assemble(sp.relax(P), 3)),
+    ("objective", lambda: sp.assemble(sp.relax(P), sp.variables(1)[0])),
 ]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, entries_of
 
 __all__ = ["Rational", "RationalConstraint", "constraint", "key_of", "ratio"]
 
@@ -66,7 +66,8 @@ class Rational:
     __array_ufunc__ = None  # numpy scalars and arrays leave the arithmetic to us
 
     def __post_init__(self) -> None:
-        pairs = tuple((p, q) for p, q in self.ratios)
+        listed = entries_of(self.ratios, "ratios", "a list of pairs")
+        pairs = tuple(_pair(pair, f"ratios[{k}]") for k, pair in enumerate(listed))
         self.__dict__["ratios"] = pairs
         for part in self.parts:
             if not isinstance(part, Polynomial):
@@ -252,6 +253,16 @@ class Rational:
         if terms <= 24:
             return f"<Rational {self}>"
         return f"<Rational of {len(self.ratios)} ratios, {terms} terms>"
+
+
+def _pair(given: Any, place: str) -> Pair:
+    """Take what is listed as one ratio apart."""
+    entries = entries_of(given, place, "a numerator and a denominator")
+    if len(entries) != 2:
+        raise ProblemError(
+            f"{place}: found {len(entries)} entries, expected a numerator and a denominator"
+        )
+    return entries[0], entries[1]
 
 
 def _one_fraction(expression: Rational) -> Rational:

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.budget import Deadline
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, doubles, shown
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.size_limits import check_degrees
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.strategy.multi_objective import pairs
 
 __all__ = [
+    "check_branching",
     "check_callable",
     "check_objectives",
     "check_problem",
@@ -41,6 +43,15 @@ def check_callable(field: str, given: object) -> None:
         raise ProblemError(f"{field}: found {type(given).__name__}, expected a function")
 
 
+def check_branching(problem: Problem | RationalProblem, options: Options) -> None:
+    """Refuse numbers in ``branch_on`` that are no variables of the problem."""
+    for v in options.branch_on or ():
+        if v >= problem.dimension:
+            raise ProblemError(
+                f"Options.branch_on: found {v}, expected numbers below {problem.dimension}"
+            )
+
+
 def check_problem(problem: Problem, options: Options) -> None:
     """Refuse what is no problem, numbers in ``branch_on`` beyond it, and too large degrees."""
     if not isinstance(problem, Problem):
@@ -48,11 +59,7 @@ def check_problem(problem: Problem, options: Options) -> None:
             f"problem: found {type(problem).__name__}, expected a Problem, such as "
             "Problem(objective, constraints), parse(text) or read_gms(path)"
         )
-    for v in options.branch_on or ():
-        if v >= problem.dimension:
-            raise ProblemError(
-                f"Options.branch_on: found {v}, expected numbers below {problem.dimension}"
-            )
+    check_branching(problem, options)
     check_degrees(problem)
 
 
@@ -75,18 +82,19 @@ def check_objectives(problem: Problem, objectives: list[Polynomial], options: Op
                 )
 
 
-def start_vectors(problem: Problem, start: NDArray[Any] | None) -> list[NDArray[np.float64]]:
+def start_vectors(
+    problem: Problem | RationalProblem, start: NDArray[Any] | None
+) -> list[NDArray[np.float64]]:
     """List the starting vector that is given, if any."""
     if start is None:
         return []
-    try:
-        vector = np.asarray(start, float)
-    except (TypeError, ValueError, OverflowError):
-        raise ProblemError(f"start: found {start!r}, expected numbers") from None
-    if vector.shape != (problem.dimension,) or not np.all(np.isfinite(vector)):
+    vector = doubles(start, "start")
+    if vector.shape != (problem.dimension,):
         raise ProblemError(
             f"start: found shape {vector.shape}, expected ({problem.dimension},) finite numbers"
         )
+    if not np.all(np.isfinite(vector)):
+        raise ProblemError(f"start: found {shown(start)}, expected finite numbers")
     return [vector]
 
 

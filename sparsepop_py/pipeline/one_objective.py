@@ -19,6 +19,7 @@ from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline.arguments import (
+    check_branching,
     check_callable,
     check_problem,
     deadline_of,
@@ -115,7 +116,9 @@ def solve(
     options = options_with(options, executor)
     check_callable("on_progress", on_progress)
     if isinstance(problem, RationalProblem):
-        return solve_rational(problem, options, start, solve)
+        check_branching(problem, options)
+        starts = start_vectors(problem, start)
+        return solve_rational(problem, options, starts[0] if starts else None, solve)
     check_problem(problem, options)
     if options.gap_kind == "width":
         raise ProblemError(

@@ -27,7 +27,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConstraint, key_of
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.algebra.sympy_ import convert_ratios
-from sparsepop_py.errors import ProblemError, entries_of
+from sparsepop_py.errors import ProblemError, check_kind, doubles, entries_of, shown
 from sparsepop_py.problem.problem import Problem, Sense, encoding, written
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
@@ -206,8 +206,19 @@ class RationalProblem(ReadOnly):
         Returns
         -------
         int
+
+        Raises
+        ------
+        ProblemError
+            If it is not among them.
         """
-        return self._places[key_of(denominator)]
+        check_kind(denominator, Polynomial, "denominator")
+        place = self._places.get(key_of(denominator))
+        if place is None:
+            raise ProblemError(
+                f"denominator: found {denominator}, expected one of this problem's denominators"
+            )
+        return place
 
     def violation(self, x: ArrayLike) -> float:
         """Compute the largest violation of constraints and bounds at ``x``.
@@ -221,7 +232,7 @@ class RationalProblem(ReadOnly):
         float
             As evaluated in floating point; inf where a denominator is zero.
         """
-        point = np.asarray(x, float)
+        point = doubles(x, "x")
         worst = [self.base.violation(point)]
         for row in self.rational_rows:
             value = float(row.expression(point))
@@ -278,6 +289,9 @@ class RationalProblem(ReadOnly):
         ProblemError
             If there are not as many ranges as denominators, or the level does not fit.
         """
+        ranges = entries_of(ranges, "ranges", "a list, one a denominator")
+        for number, size in enumerate(ranges):
+            check_kind(size, Range, f"ranges[{number}]")
         if len(ranges) != len(self.denominators):
             raise ProblemError(
                 f"ranges: found {len(ranges)}, expected {len(self.denominators)}, one a denominator"
@@ -343,10 +357,11 @@ class RationalProblem(ReadOnly):
         ProblemError
             If the objective is another one, or the level is not finite.
         """
-        if not self.has_level or not np.isfinite(level):
+        number = doubles(level, "level")
+        if not self.has_level or number.shape or not np.isfinite(number):
             raise ProblemError(
-                f"level: found {level!r} for {self.objective!r}, expected a finite number and an "
-                "objective of one ratio beside a constant"
+                f"level: found {shown(level)} for {self.objective!r}, expected a finite number "
+                "and an objective of one ratio beside a constant"
             )
         return self.objective.ratios[0]
 

@@ -36,7 +36,10 @@ _DESCENT, _DESCENT_WORK = 0.1, 5.0  # of what is left for a first descent; witho
 
 
 def solve_rational(
-    problem: RationalProblem, options: Options, start: Any, solve: Solve
+    problem: RationalProblem,
+    options: Options,
+    start: NDArray[np.float64] | None,
+    solve: Solve,
 ) -> RationalResult:
     """Solve a problem with ratios.
 
@@ -45,7 +48,7 @@ def solve_rational(
     problem : RationalProblem
     options : Options
         Limits hold for all polynomial problems together.
-    start : (n,) array_like or None
+    start : (n,) float or None
     solve : callable
         Solves a polynomial problem: problem, options, and start by name.
 
@@ -58,22 +61,11 @@ def solve_rational(
     DenominatorError
         If the sign of a denominator is not proved.
     ProblemError
-        If the start is malformed.
+        If gaps are asked for by width.
     """
     if options.gap_kind == "width":
         raise ProblemError("Options.gap_kind: found 'width', which needs pairs of objectives")
-    return _RationalSearch(problem, options, solve).run(_start(problem, start))
-
-
-def _start(problem: RationalProblem, start: Any) -> NDArray[np.float64] | None:
-    if start is None:
-        return None
-    vector = np.asarray(start, float)
-    if vector.shape != (problem.dimension,) or not np.all(np.isfinite(vector)):
-        raise ProblemError(
-            f"start: found shape {vector.shape}, expected ({problem.dimension},) finite numbers"
-        )
-    return vector
+    return _RationalSearch(problem, options, solve).run(start)
 
 
 class _RationalSearch:

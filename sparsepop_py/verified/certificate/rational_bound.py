@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, entries_of
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -180,7 +180,8 @@ class RationalCertificate:
     certificate: Certificate | None = None
 
     def __post_init__(self) -> None:
-        self.__dict__["ranges"] = tuple(self.ranges)
+        listed = entries_of(self.ranges, "ranges", "a list of RangeProof")
+        self.__dict__["ranges"] = tuple(listed)
         for proof in self.ranges:
             if not isinstance(proof, RangeProof):
                 raise ProblemError(f"ranges: found {type(proof).__name__}, expected a RangeProof")
