@@ -119,7 +119,7 @@ class ParameterSet:
 
         Their rounding is paid for by the largest absolute values of the parameters.
         """
-        rounded = np.array([[float(c) for c in row] for row in weights])
+        rounded = np.array([[_double(c) for c in row] for row in weights])
         low, high = self.ranges(np.zeros(len(rounded)), rounded)
         for place, (row, near) in enumerate(zip(weights, rounded.tolist(), strict=True)):
             errors = [abs(c - Fraction(r)) for c, r in zip(row, near, strict=True)]
@@ -182,6 +182,14 @@ class ParameterSet:
     def part(self, polytope: Polytope) -> ParameterSet:
         """Keep rows and frame over another polytope."""
         return ParameterSet(self.rows, self.frame, polytope)
+
+
+def _double(value: Fraction) -> float:
+    """Round to a double; to 0 beyond all doubles, so that all of it is an error."""
+    try:
+        return float(value)
+    except OverflowError:
+        return 0.0
 
 
 def consistent_set(

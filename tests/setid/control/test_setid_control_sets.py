@@ -216,15 +216,31 @@ def test_the_rounding_of_weights_is_paid_for(reach: float) -> None:
     assert np.isfinite(high[0]) == np.isfinite(reach)
 
 
-def test_ratios_of_weights_that_no_double_holds() -> None:
-    """Of 1/3 theta_1 by theta_2, theta_1 in [3, 6] and theta_2 in [1, 2]."""
-    box = np.array([3.0, 1.0]), np.array([6.0, 2.0])
+def in_a_box(*box: tuple[float, float]) -> SimpleNamespace:
+    """Stand for a set of parameters with these ranges."""
+    low, high = np.array(box).T
 
     def ranges(constants: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        ends = np.sort(np.stack([weights * box[0], weights * box[1]]), axis=0).sum(axis=2)
+        ends = np.sort(np.stack([weights * low, weights * high]), axis=0).sum(axis=2)
         return constants + ends[0], constants + ends[1]
 
-    found = SimpleNamespace(ranges=ranges, _reach=[6.0, 2.0])
+    found = SimpleNamespace(ranges=ranges, _reach=np.maximum(-low, high).tolist())
     found.exact_ranges = lambda weights: ParameterSet.exact_ranges(found, weights)
+    return found
+
+
+def test_ratios_of_weights_that_no_double_holds() -> None:
+    """Of 1/3 theta_1 by theta_2, theta_1 in [3, 6] and theta_2 in [1, 2]."""
+    found = in_a_box((3.0, 6.0), (1.0, 2.0))
     low, high = ratio_range(found, [Fraction(1, 3), Fraction()], [Fraction(), Fraction(1)])
     assert 0.5 - 1e-12 <= low <= 0.5 and 2.0 <= high <= 2.0 + 1e-12
+
+
+def test_ratios_whose_weights_are_beyond_all_doubles() -> None:
+    """Of theta_1 by 7 theta_2, theta_2 in [1e-300, 2e-300]: bisection tries 7 * 1e308."""
+    found = in_a_box((1.0, 1e8), (1e-300, 2e-300))
+    low, high = ratio_range(found, [Fraction(1), Fraction()], [Fraction(), Fraction(7)])
+    assert low <= 1 / 14e-300 and 1e8 / 7e-300 <= high
+    huge = [[Fraction(10) ** 400, Fraction(1)]]
+    low, high = found.exact_ranges(huge)
+    assert (low[0], high[0]) == (-np.inf, np.inf)
