@@ -17,6 +17,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -216,11 +217,11 @@ class LinearTree:
             self._process(heapq.heappop(self._heap)[2])
         return self.closed
 
-    @property
+    @cached_property
     def _decides(self) -> bool:
         """True if branches decide all that is not convex: values, or zero factors."""
         if self.model.convex_but_values:
-            return True
+            return bool(np.all(self._branches[self.model.two_valued]))
         found = self._pairs.shape[0] + self._factors.size
         every = self.model.complementary.shape[0] + self.model.complements.variable.size
         return found == every and self.model.disjunctive
@@ -328,8 +329,8 @@ class LinearTree:
     def _cut(self, node: _Open, program: _Program, number: int) -> bool:
         """Add cuts of convex rows that the solution of a node violates.
 
-        The oldest make room where branches decide all that is not convex. Elsewhere a tree that
-        has filled the room is given up soon.
+        The oldest make room where all but values is convex. Elsewhere a tree that has filled the
+        room is given up soon.
         """
         model, most = self.model, LINEAR_TREE.cut_rounds if node is self.root else 1
         room = len(model.cuts) < LINEAR_TREE.most_cuts or model.convex_but_values

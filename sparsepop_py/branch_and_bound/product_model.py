@@ -270,7 +270,7 @@ class ProductModel:
     def convex_but_values(self) -> bool:
         """True if all is convex once variables of two values have one of them.
 
-        Rows are linear but for the equations that leave variables two values.
+        Rows are linear but for squares of such variables in equations.
         """
         products = (self.column >= self.dimension) & (self.row < self.rows)
         part = self.column[products] - self.dimension

@@ -15,6 +15,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
 from sparsepop_py.branch_and_bound.product_model import ProductModel
+from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
@@ -371,3 +372,17 @@ def test_a_tree_that_time_ends_keeps_its_bound():
     tree = LinearTree(context, box, lambda now, *_: now)
     left = tree.context.deadline.left
     assert left is not None and 70.0 < left <= 80.0
+
+
+def test_trees_that_branch_on_other_variables_decide_nothing():
+    """Without branches on the binaries, nodes beyond the usual number would be in vain."""
+    problem, _ = few_regressors(0)
+    context = SolveContext(problem, AUTO, Stages(), Deadline(100.0))
+    box = Interval(problem.lower, problem.upper)
+    binaries = ProductModel.of(problem).two_valued
+    other = np.setdiff1d(np.arange(problem.dimension), binaries)
+    usual = LinearTree(context, box, lambda now, *_: now, other)
+    assert usual.context.deadline is context.deadline
+    assert usual._most_nodes <= LINEAR_TREE.most_nodes
+    longer = LinearTree(context, box, lambda now, *_: now, binaries)
+    assert longer._most_nodes == LINEAR_TREE.most_decisions
