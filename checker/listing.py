@@ -2,8 +2,8 @@
 
 The whole program takes a day to read. One check needs a part of it: the functions that were
 called, with the classes and constants that they name. This program does the check, then prints
-these parts, modules that others import first. No check needs it, and what was not called cannot
-have decided anything.
+these parts, modules that others import first. No check needs this program. A function that was not
+called decided nothing, but for those that make constants where modules are imported.
 """
 
 from __future__ import annotations
