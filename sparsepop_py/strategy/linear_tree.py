@@ -139,6 +139,7 @@ def by_linear_tree(
         whole.ended(cause)
     context = replace(tree.context, deadline=whole)
     proved = lower_bound(certificate)
+    over |= whole.over  # while the certificate was made
     if certificate is None or not (context.closed(proved) or over):
         return LinearTreeResult(context, seen)
     whole.cut |= not context.closed(proved)

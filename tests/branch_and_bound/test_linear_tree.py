@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -13,6 +14,7 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
+from sparsepop_py.branch_and_bound import linear_tree
 from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
 from sparsepop_py.branch_and_bound.product_model import ProductModel
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
@@ -386,3 +388,46 @@ def test_trees_that_branch_on_other_variables_decide_nothing():
     assert usual._most_nodes <= LINEAR_TREE.most_nodes
     longer = LinearTree(context, box, lambda now, *_: now, binaries)
     assert longer._most_nodes == LINEAR_TREE.most_decisions
+
+
+def test_the_oldest_cuts_make_room(monkeypatch):
+    """With room for two cuts that stayed, later nodes would have none and leaves stay open."""
+    few = replace(LINEAR_TREE, most_cuts=2)
+    monkeypatch.setattr(linear_tree, "LINEAR_TREE", few)
+    problem, least = few_regressors(1)
+    result = check(problem, sp.solve(problem, AUTO))
+    assert names(result) == ["linear tree"] and result.status is Status.OPTIMAL
+    assert result.lower_bound == pytest.approx(least, rel=1e-6)
+
+
+def test_a_tree_that_a_limit_ends_says_so(monkeypatch):
+    """Its share of the work is over, and the rest is left for its proof."""
+    monkeypatch.setattr(linear_tree, "LINEAR_TREE", replace(LINEAR_TREE, time_share=0.05))
+    problem, least = few_regressors(0)
+    result = check(problem, sp.solve(problem, Options(effort="auto", work_limit=1.0)))
+    assert names(result) == ["linear tree"] and result.status is Status.LIMIT
+    assert 0.0 < result.lower_bound <= least  # more than the range over the box proves
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_portfolios_of_two_assets_against_all_pairs(seed):
+    """On a pair the objective is a parabola in one share; no point of a leaf is found otherwise."""
+    rng, n = np.random.default_rng(seed), 6
+    v = sp.variables(2 * n)
+    x, b = v[:n], v[n:]
+    F, gain = np.round(rng.normal(size=(n, 5)), 2), np.round(rng.uniform(0, 0.2, n), 3)
+    risk = F @ F.T + 0.1 * np.eye(n)
+    squares = sum(sum(float(F[i, j]) * x[i] for i in range(n)) ** 2 for j in range(5))
+    objective = squares + 0.1 * sum(t**2 for t in x)
+    objective = objective - sum(float(g) * t for g, t in zip(gain, x, strict=True))
+    rows = [sum(x) == 1, sum(b) <= 2, *(t <= u for t, u in zip(x, b, strict=True))]
+    problem = Problem(objective, [*rows, *(u * (1 - u) == 0 for u in b)], 0, 1)
+    least = np.inf
+    for i, j in combinations(range(n), 2):
+        square = risk[i, i] - 2 * risk[i, j] + risk[j, j]
+        slope = 2 * (risk[i, j] - risk[j, j]) - gain[i] + gain[j]
+        t = np.clip(-slope / (2 * square), 0.0, 1.0)
+        least = min(least, square * t**2 + slope * t + risk[j, j] - gain[j])
+    result = check(problem, sp.solve(problem, AUTO))
+    assert names(result) == ["linear tree"] and result.status is Status.OPTIMAL
+    assert result.lower_bound == pytest.approx(least, abs=2e-6)

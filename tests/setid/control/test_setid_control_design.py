@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import copy
 import pickle
+from fractions import Fraction
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from scipy.signal import cont2discrete
 
 import setid
 from setid import control
+from setid.control.design import _intervals
 
 TS = 0.01
 DRYER = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
@@ -354,3 +358,14 @@ def test_a_noise_bound_beyond_all_sense_bounds_no_controller() -> None:
     options = setid.Options(time_limit=0.2, progress=False)
     found = control.design(data, M, control.LTI(1), 1e308, options=options)
     assert not found.empty and found.help
+
+
+def test_attained_ends_of_user_parameters_are_rounded_inwards() -> None:
+    """Of theta = 3 K, the member theta = 1 attains K = 1/3, which is no double."""
+    fixed: Any = SimpleNamespace(
+        basis=np.array([[3.0]]), names=("K",), integrators=0, model=SimpleNamespace(na=((0,),))
+    )
+    result: Any = SimpleNamespace(empty=False, intervals={}, attained=np.array([[1.0]]))
+    inner = _intervals(fixed, result, None, 1e-3)["K"].inner
+    assert inner is not None
+    assert Fraction(inner[1]) <= Fraction(1, 3) <= Fraction(inner[0])

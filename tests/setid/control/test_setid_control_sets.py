@@ -47,6 +47,7 @@ def test_the_true_parameters_stay_inside_with_extreme_noise(
     assert found is not None
     low, high = found.box
     assert np.all(low <= theta) and np.all(theta <= high)
+    assert np.all(np.abs(theta) <= found._reach)
     assert np.all(high - low < 0.5)
     z = np.linalg.solve(found.frame.axes, theta - found.frame.origin)
     assert np.all(found.polytope.matrix @ z <= found.polytope.right + 1e-9)
