@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from checker.command import main
 
 HERE = Path(__file__).resolve().parent
+MALFORMED = 2  # exit code
 Called = set[tuple[str, int]]  # files, and lines where functions begin
 
 
@@ -119,15 +120,23 @@ def listing(modules: list[Module]) -> str:
     lines = [f"# lines of code that this check rests on: {total}"]
     lines += [f"#{m.code():6d}  {m.path.relative_to(HERE).as_posix()}" for m in modules]
     for module in modules:
-        lines += ["", "", f"# ---- {module.path.relative_to(HERE).as_posix()} " + "-" * 40]
+        lines += [""] * (2 if lines[-1] else 1)
+        lines += [f"# ---- {module.path.relative_to(HERE).as_posix()} " + "-" * 40]
         last = -1
         for row in module.rows():
-            lines += ["", module.lines[row]] if row > last + 1 else [module.lines[row]]
+            texts = ["", module.lines[row]] if row > last + 1 else [module.lines[row]]
+            lines += [text for text in texts if text or lines[-1]]  # of what was dropped
             last = row
     return "\n".join(lines)
 
 
+def printed(arguments: list[str]) -> int:
+    """Check the files and print the parts, none where the input is malformed."""
+    code, called = called_by(arguments)
+    if code != MALFORMED:
+        sys.stdout.write(listing(parts(called)) + "\n")
+    return code
+
+
 if __name__ == "__main__":
-    code, called = called_by(sys.argv[1:])
-    sys.stdout.write(listing(parts(called)) + "\n")
-    sys.exit(code)
+    sys.exit(printed(sys.argv[1:]))

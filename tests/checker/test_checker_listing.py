@@ -71,7 +71,17 @@ def test_classes_and_constants_that_are_named_take_part(tmp_path: Path) -> None:
     assert module.code() == 7  # USED, Kept with its field, called, Named with its field
 
 
-def test_a_refusal_keeps_its_exit_code(tmp_path: Path, capsys) -> None:
-    code, _ = listing.called_by([str(tmp_path / "none.json")])
-    assert code == 2
-    assert "MALFORMED" in capsys.readouterr().out
+def test_malformed_input_has_no_listing(tmp_path: Path, capsys) -> None:
+    assert listing.printed([str(tmp_path / "none.json")]) == 2
+    said = capsys.readouterr().out
+    assert "MALFORMED" in said and "lines of code" not in said
+
+
+def test_what_is_printed_follows_the_verdict(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "file.json"
+    path.write_text(quartic())
+    assert listing.printed([str(path)]) == 0
+    verdict, _, rest = capsys.readouterr().out.partition("# lines of code")
+    assert verdict.count("proved: ") == 2
+    assert "# ---- certificates/identity.py" in rest
+    assert "\n\n\n\n" not in rest  # rows of methods that were left out
