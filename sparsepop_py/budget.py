@@ -16,6 +16,7 @@ by the constants in this module and in the modules that call :func:`spend`.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -87,6 +88,15 @@ class _Kept(threading.local):
 
 
 _KEPT = _Kept()
+
+
+def _forget() -> None:
+    """Leave the limits of the process that forked this one: tasks bring limits of their own."""
+    _KEPT.__dict__.clear()
+
+
+if hasattr(os, "register_at_fork"):  # an executor starts workers where the first task is submitted
+    os.register_at_fork(after_in_child=_forget)
 
 
 def check() -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import pickle
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -174,6 +176,15 @@ def test_threads_keep_their_own_limits():
         other.start()
         other.join()
     assert raised == ["nothing"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="workers are not forked here")
+def test_workers_that_were_started_within_a_limit_go_on_after_it():
+    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as executor:
+        with Deadline(1e-9).kept():
+            executor.submit(abs, -1).result()
+        assert executor.submit(budget.check).result() is None
+        assert executor.submit(budget.before_check).result() == np.inf
 
 
 @pytest.mark.parametrize("name", ["cpu_limit", "search_limit"])

@@ -234,8 +234,9 @@ def _in_worker(packet: Packet) -> bytes:
     try:
         with deadline.kept():
             turn.take()
-    except EARLY:  # what is proved so far is kept
-        pass
+    except EARLY as cause:  # what is proved so far is kept
+        if isinstance(cause, LimitReached) and not deadline.over:
+            raise  # it is not this limit: turn after turn would end at once
     turn.search.last = None
     news = _News(
         tuple(each.learned or [] for each in costs),

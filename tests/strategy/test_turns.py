@@ -14,7 +14,7 @@ from search_cases import bilinear
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.budget import LimitReached
+from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
@@ -100,6 +100,22 @@ class Lost(Here):
 
 def test_lost_turns_are_taken_here():
     checked(bounded(Lost()))
+
+
+class Limited(Here):
+    """Does turns within limits of its own, which have passed."""
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        with Deadline(1e-9).kept():
+            return super().submit(fn, *args, **kwargs)
+
+
+def test_turns_that_end_before_their_limit_are_taken_here():
+    executor = Limited(40)
+    results = bounded(executor)
+    checked(results)
+    assert any("the executor failed (LimitReached)" in note for r in results for note in r.notes)
+    assert executor.left
 
 
 class Hanging(Here):
