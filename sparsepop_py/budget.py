@@ -91,7 +91,7 @@ _KEPT = _Kept()
 
 
 def _forget() -> None:
-    """Leave the limits of the process that forked this one: tasks bring limits of their own."""
+    """Leave the limits of the process that forked this one; tasks bring their own."""
     _KEPT.__dict__.clear()
 
 

@@ -16,8 +16,8 @@ from setid.analysis.output_fit import least_output_errors
 from setid.data.checks import FrozenMapping, frozen, word
 from setid.data.record import IOData
 from setid.errors import SetidError, warns_once
-from setid.feasible_points.best import fit as fit_of
-from setid.feasible_points.best import per_cent, predicted
+from setid.feasible_points.modelled_outputs import fit as fit_of
+from setid.feasible_points.modelled_outputs import per_cent, predicted
 from setid.formulation.regression import check_channels, regression_of_data
 from setid.html import section, table
 from setid.models.equations import Structure

@@ -22,9 +22,10 @@ from setid.data.checks import FrozenMapping, frozen, seconds_of, word
 from setid.data.noise import Noise, NoiseBounds
 from setid.data.record import IOData
 from setid.errors import DataError, EmptySetError, ModelError, NoiseError, SetidError
-from setid.feasible_points.best import best, fit, per_cent, predicted, simulated, started
+from setid.feasible_points.best import best
 from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import draws_of, members, nominal
+from setid.feasible_points.modelled_outputs import fit, per_cent, predicted, simulated, started
 from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.proposer import Proposer

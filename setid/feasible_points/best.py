@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -19,20 +18,22 @@ from scipy.optimize import least_squares as gauss_newton
 from scipy.optimize import nnls
 
 from setid.data.checks import frozen, seconds_of, word
-from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import NamedVector, least_squares
 from setid.feasible_points.members import is_member, members
+from setid.feasible_points.modelled_outputs import (
+    fit,
+    per_cent,
+    predicted,
+    prediction_errors,
+    prediction_rows,
+    simulated,
+    started,
+)
 from setid.feasible_points.witness import consistent
-from setid.feasible_set.coordinates import Coordinates, coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
-from setid.formulation.regression import Regression
-from setid.models.continuous import at_rate
-from setid.models.equations import Structure
-from setid.simulation.recursions import leading
-from setid.simulation.responses import begun, run
 
-__all__ = ["BestMember", "Goal", "best", "fit", "per_cent", "predicted", "simulated", "started"]
+__all__ = ["BestMember", "Goal", "best"]
 
 Reals = NDArray[np.float64]
 Goal = Literal["simulation", "prediction"]
@@ -143,117 +144,6 @@ def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.
     )
 
 
-def fit(measured: Reals, modelled: Reals) -> Reals:
-    """Compute 100 (1 - |e| / |y - mean y|) of each output.
-
-    Samples count where both are known.
-
-    Parameters
-    ----------
-    measured, modelled : (N, ny) float
-
-    Returns
-    -------
-    (ny,) float
-        -inf where the modelled output is not finite or the readings never change.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from setid.feasible_points.best import fit
-    >>> fit(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0], [1.0], [1.0]])).round(2)
-    array([29.29])
-    """
-    found = np.full(measured.shape[1], -np.inf)
-    for i, (y, v) in enumerate(zip(measured.T, modelled.T, strict=True)):
-        known = ~np.isnan(y) & ~np.isnan(v)
-        if not np.any(known):
-            continue
-        size = float(np.linalg.norm(y[known] - y[known].mean()))
-        error = float(np.linalg.norm(y[known] - v[known]))
-        if size > 0 and np.isfinite(error):
-            found[i] = 100.0 * (1.0 - error / size)
-    return found
-
-
-def per_cent(fits: Reals) -> str:
-    """Write fits for people; where readings never change there is nothing to fit.
-
-    Parameters
-    ----------
-    fits : (ny,) float
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from setid.feasible_points.best import per_cent
-    >>> per_cent(np.array([92.24, -np.inf]))
-    '92.2 %, none (constant readings, or outputs that overflow)'
-    """
-    nothing = "none (constant readings, or outputs that overflow)"
-    return ", ".join(f"{value:.1f} %" if value > -np.inf else nothing for value in fits)
-
-
-def started(model: Structure, data: IOData) -> NDArray[np.bool_]:
-    """Mark samples (N,) from which a simulation starts, which do not count.
-
-    Parameters
-    ----------
-    model : Structure
-    data : IOData
-    """
-    found = np.zeros(data.samples, bool)
-    for begin, end in pairwise([*data.starts.tolist(), data.samples]):
-        found[begin : begin + begun(model, data.y[begin:end])] = True
-    return found
-
-
-def simulated(model: Structure, theta: Reals, data: IOData) -> Reals:
-    """Simulate outputs (N, ny), NaN at the samples from which the simulation starts.
-
-    Parameters
-    ----------
-    model : Structure
-    theta : (p,) float
-    data : IOData
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        outputs = run(model, theta, data)
-    return np.where(started(model, data)[:, None], np.nan, outputs)
-
-
-def predicted(model: Structure, theta: Reals, data: IOData) -> Reals:
-    """Predict one step (N, ny) from the readings, NaN where no row predicts.
-
-    Parameters
-    ----------
-    model : Structure
-    theta : (p,) float
-    data : IOData
-    """
-    rows, coordinates = _rows(model, data)
-    found = np.full(data.y.shape, np.nan)
-    place = rows.row, rows.output - 1
-    found[place] = data.y[place] - _beyond(rows, coordinates, theta)
-    return found
-
-
-def _rows(model: Structure, data: IOData) -> tuple[Regression, Coordinates]:
-    """Equations of the readings as if exact, and what they are linear in."""
-    model = at_rate(model, data.Ts)
-    coordinates = coordinates_of(model, "no one-step prediction; simulate instead")
-    return coordinates.rows_of_readings(data, model), coordinates
-
-
-def _beyond(rows: Regression, coordinates: Coordinates, theta: Reals) -> Reals:
-    """Subtract predictions from readings; equations are solved for the newest sample."""
-    values = coordinates.values(theta)
-    named = dict(zip(coordinates.names, values.tolist(), strict=True))
-    factors = {e.output: leading(e, named) for e in coordinates.equations if e.implicit}
-    own = np.array([factors.get(output, 1.0) for output in range(int(rows.output.max()))])
-    return np.asarray((rows.target + rows.regressors @ values) / own[rows.output - 1], np.float64)
-
-
 # ---- what is made small -----------------------------------------------------------------
 
 
@@ -261,11 +151,11 @@ def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
     """Errors over the identification record as a function of theta."""
     data, model = result.formulation.data, result.formulation.model
     if word(goal, "goal", ("simulation", "prediction"), SetidError) == "prediction":
-        rows, coordinates = _rows(model, data)
+        rows, coordinates = prediction_rows(model, data)
 
         def beyond(theta: Reals) -> Reals:
             try:
-                found = _beyond(rows, coordinates, theta)
+                found = prediction_errors(rows, coordinates, theta)
             except ModelError:
                 return np.full(rows.target.size, _HUGE)
             return found.clip(-_HUGE, _HUGE)

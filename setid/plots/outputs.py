@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.feasible_points.best import per_cent
+from setid.feasible_points.modelled_outputs import per_cent
 from setid.plots.axes import (
     ATTAINED,
     COLOUR,

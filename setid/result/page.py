@@ -26,7 +26,8 @@ from setid.data.checks import seconds_of
 from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import SetidError
-from setid.feasible_points.best import best, per_cent
+from setid.feasible_points.best import best
+from setid.feasible_points.modelled_outputs import per_cent
 from setid.formulation.regression import check_channels
 from setid.html import table
 from setid.models.block import BlockStructured

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear, minimize
 
 import setid
-from setid.feasible_points.best import best, predicted
+from setid.feasible_points.best import best
 from setid.feasible_points.members import is_member, members
+from setid.feasible_points.modelled_outputs import predicted
 from setid.formulation.regression import regression_of_data
 from setid.simulation.responses import run
 
@@ -182,7 +183,7 @@ def test_no_step_is_begun_when_time_is_over(monkeypatch: pytest.MonkeyPatch) -> 
         calls.append(theta)
         return run(model, theta, data)
 
-    monkeypatch.setattr("setid.feasible_points.best.run", counted)
+    monkeypatch.setattr("setid.feasible_points.modelled_outputs.run", counted)
     best(result, "simulation")
     least = len(result.attained) + 4  # members, then the one that is taken: three errors, outputs
     assert len(calls) > 3 * least
