@@ -224,7 +224,8 @@ class ProductModel:
         width = self.dimension
         both = np.isin(row * width + v, self.row[linear] * width + self.column[linear])
         equal = np.append(self.equality, False)
-        return monomials.distinct(v[both & (terms[row] == 2) & equal[row]])
+        alone = (terms[row] == 1) & (self.constant[row] != 0)  # x^2 = c
+        return monomials.distinct(v[(both & (terms[row] == 2) | alone) & equal[row]])
 
     @cached_property
     def complementary(self) -> Ints:

@@ -337,6 +337,22 @@ def test_nearest_binary_points_against_all_of_them(seed):
     assert result.lower_bound <= least <= result.lower_bound + 1e-6 * (1 + least)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_signs_from_fewer_readings_against_all_of_them(seed):
+    """Exact: the squares are of whole numbers. Six readings of ten signs."""
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-9, 10, (6, 10))
+    y = A @ rng.choice([-1, 1], 10) + rng.integers(-20, 21, 6)
+    x = sp.variables(10)
+    residuals = [sum(int(q) * t for q, t in zip(row, x, strict=True)) for row in A]
+    objective = sum((r - int(v)) ** 2 for r, v in zip(residuals, y, strict=True))
+    problem = Problem(objective, [t**2 == 1 for t in x], -1, 1)
+    least = min(int(np.sum((A @ np.array(p) - y) ** 2)) for p in product((-1, 1), repeat=10))
+    result = check(problem, sp.solve(problem, AUTO))
+    assert names(result) == ["linear tree"]
+    assert result.lower_bound <= least <= result.lower_bound + 1e-6 * (1 + least)
+
+
 def test_what_is_convex_but_for_values():
     x, b, c = sp.variables(3)
     two = [b**2 == b, 2 * c**2 == 3 * c]
