@@ -17,7 +17,8 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.checks import FrozenMapping, frozen, natural, number
-from setid.data.noise import EstimatedBound, Noise, estimate_noise_bound
+from setid.data.digits import all_digits
+from setid.data.noise import EstimatedBound, Noise, bound_at_rest
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, SetidError, SetidWarning
 from setid.formulation.formulation import formulate
@@ -46,6 +47,7 @@ _RUN = 5  # equal readings at an end of the range that count as saturation, at l
 _DIGITS = 2.0**-40  # of the largest reading: smaller steps are those of doubles
 _LEVELS = 0.5  # distinct values a sample, below which a channel counts as quantised
 _SAMPLES = 10**8  # of a square wave, at most
+_LARGEST = 1e300  # beyond, sums and times might overflow
 _CUT = "saturation; use a smaller step or another range"
 _SMALLER = "the response to a smaller step tells which"
 _WIDE = 0.3  # relative half width from which a parameter is called wide
@@ -64,7 +66,8 @@ class Advice:
     settling_time : float
         From the step until the response stays within 2 % of its height, its noise added.
     noise_bound : EstimatedBound or None
-        Of the outputs; None where no part of a record is at rest. An assumption, not a proof.
+        Of the outputs; None where no part of a record is at rest. An assumption, not a proof. At
+        least half a step where readings are quantised: at rest they may hide smaller noise.
     coverage : float
         With the confidence 95 %, at least this share of noise samples lies within the range that
         was seen (tolerance limits without a distribution; samples are taken as independent).
@@ -162,7 +165,8 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     Raises
     ------
     DataError
-        If no input changes, there are several records, or the channels of both records differ.
+        If no input changes, there are several records, numbers are beyond 1e300, or the channels
+        of both records differ.
 
     Examples
     --------
@@ -178,6 +182,12 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
         raise DataError(f"step_record: found {type(step_record).__name__}, expected IOData")
     if step_record.records > 1:  # an input that differs between two records is no step
         raise DataError(f"step_record: found {step_record.records} records, expected one")
+    sizes = [np.nanmax(np.abs(values)) for values in (step_record.u, step_record.y, step_record.Ts)]
+    if max(sizes) > _LARGEST:
+        raise DataError(
+            f"step_record: found {max(sizes):g}, expected numbers up to {_LARGEST:g}; choose "
+            "other units"
+        )
     begin = _step_at(step_record)
     once = _steps_once(step_record, begin)
     answers = [y for y in step_record.y.T if _answers(y, begin)]
@@ -185,9 +195,9 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
     settling = (last - begin) * step_record.Ts if last < inf else float("nan")
     if zero_record is None:
         parts = _at_rest(step_record, begin, last)
-        bound = estimate_noise_bound(np.concatenate(parts)) if parts else None
+        bound = bound_at_rest(np.concatenate(parts), "step_record") if parts else None
     else:
-        bound = estimate_noise_bound(zero_record)
+        bound = bound_at_rest(zero_record, "zero_record")
         if bound.value.size != step_record.outputs:
             raise DataError(
                 f"zero_record: found {bound.value.size} channels, expected "
@@ -195,14 +205,15 @@ def advise(step_record: IOData, zero_record: IOData | ArrayLike | None = None) -
             )
         parts = [zero_record.y if isinstance(zero_record, IOData) else np.asarray(zero_record)]
     counts = [int(np.min(np.count_nonzero(~np.isnan(part), axis=0))) for part in parts]
+    steps = _quantised(step_record)
     found = Advice(
         sampling_time=_rounded(settling / _USUAL),
         sampling_range=(_rounded(settling / _MOST), _rounded(settling / _FEWEST)),
         settling_time=settling,
-        noise_bound=bound,
+        noise_bound=bound and _with_rounding(bound, steps, step_record.output_names),
         coverage=_coverage(counts),
         saturation=FrozenMapping(_saturated(step_record)),
-        quantisation=FrozenMapping(_quantised(step_record)),
+        quantisation=FrozenMapping(steps),
         text="",
         record=step_record,
     )
@@ -235,8 +246,7 @@ def _steps_once(data: IOData, begin: int) -> bool:
 def _settled(y: Reals, begin: int) -> float:
     """The sample from which an output stays near its final value; infinite where it does not."""
     known = np.flatnonzero(~np.isnan(y))
-    tail = y[known[known >= y.size - max(int(_TAIL * y.size), 3)]]
-    before = y[known[known < begin]]
+    before, tail = _both_ends(y, begin)
     if not tail.size or not before.size:
         return inf
     final, start = float(np.median(tail)), float(np.median(before))
@@ -251,6 +261,12 @@ def _settled(y: Reals, begin: int) -> float:
     moving = tail.size > 3 and drift > _BAND * abs(final - start) and drift > 0.5 * float(noise)
     short = y.size - last < max(tail.size / 2, _REST * (last - begin))
     return inf if moving or short else float(last)
+
+
+def _both_ends(y: Reals, begin: int) -> tuple[Reals, Reals]:
+    """Readings before the step and those from which the final value is taken, without gaps."""
+    ends = y[:begin], y[max(y.size - max(int(_TAIL * y.size), 3), 0) :]
+    return ends[0][~np.isnan(ends[0])], ends[1][~np.isnan(ends[1])]
 
 
 def _answers(y: Reals, begin: int) -> bool:
@@ -269,6 +285,19 @@ def _at_rest(data: IOData, begin: int, last: float) -> list[Reals]:
         parts.append(data.y[int(last) + (data.samples - int(last)) // 2 :])
     parts = [part[~np.any(np.isnan(part), axis=1)] for part in parts]
     return [part - (part.max(axis=0) + part.min(axis=0)) / 2 for part in parts if len(part) > 1]
+
+
+def _with_rounding(
+    bound: EstimatedBound, steps: Mapping[str, float], names: tuple[str, ...]
+) -> EstimatedBound:
+    """Widen a bound to half a step of quantisation, by which rounding alone changes readings."""
+    halves = np.array([steps.get(name, 0.0) / 2 for name in names])
+    if np.all(halves <= bound.value):
+        return bound
+    value = frozen(np.maximum(bound.value, halves))
+    shown = ", ".join(all_digits(v) for v in value)
+    text = f"{bound.assumption}, widened to {shown}: half a step of quantised readings"
+    return replace(bound, value=value, assumption=text)
 
 
 def _constant(u: Reals) -> bool:
@@ -314,6 +343,8 @@ def _saturated(data: IOData) -> dict[str, tuple[float | None, float | None]]:
         known = values[~np.isnan(values)]
         runs = _runs(known)
         low, high = float(known.min()), float(known.max())
+        if high - low <= _DIGITS * max(abs(low), abs(high)):
+            continue  # the doubles themselves have no finer steps
         inner = max([length for value, length in runs if low < value < high], default=1)
         least = max(_RUN, ceil(0.02 * known.size), 2 * inner)
         longest = {end: max(n for value, n in runs if value == end) for end in (low, high)}
@@ -374,6 +405,11 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
             "no output answers the step: what follows it is no larger than what was before; take "
             "a larger step, or record longer"
         )
+    elif unknown := _unknown_ends(found):
+        lines.append(
+            f"no reading of {', '.join(unknown)} is known before the step or at the end of the "
+            "record: the settling time needs both"
+        )
     else:
         lines.append(
             "the response has not settled by the end of the record: record longer (or the system "
@@ -395,6 +431,16 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
             "advice.square_wave() makes it; several levels where the system may be nonlinear"
         )
     return lines
+
+
+def _unknown_ends(found: Advice) -> list[str]:
+    """Outputs that answer the step and whose level before it, or final value, is missing."""
+    begin, names = _step_at(found.record), found.record.output_names
+    return [
+        name
+        for name, y in zip(names, found.record.y.T, strict=True)
+        if _answers(y, begin) and not all(part.size for part in _both_ends(y, begin))
+    ]
 
 
 def _why_it_sticks(found: Advice, name: str, ends: tuple[float | None, float | None]) -> str:
@@ -428,13 +474,26 @@ def _goes_on(values: Reals) -> bool:
 def _on_noise(found: Advice, count: int, own: bool) -> list[str]:
     if found.noise_bound is None:
         return ["no part of the record is at rest: record the outputs with zero input"]
+    if count < 2:
+        return ["one sample at rest shows no noise: record more of them"]
     where = "at rest" if own else "of this record where it is at rest"
     share = rounded(100 * found.coverage, False, 4)
-    return [
+    lines = [
         f"noise bound {found.noise_bound} from {count} samples {where}: with 95 % confidence at "
         f"least {share} % of noise samples lie within the range seen, if they are independent; "
         "take a margin"
     ]
+    names = found.record.output_names
+    for name, value in zip(names, found.noise_bound.value.tolist(), strict=True):
+        half = found.quantisation.get(name, 0.0) / 2
+        if value == half > 0:
+            lines.append(f"the noise bound of {name} is half a step of its quantisation")
+        elif value == 0:
+            lines.append(
+                f"{name} never changes at rest: noise below the resolution of its sensor is not "
+                "seen; take at least half of that as its bound"
+            )
+    return lines
 
 
 # ---- planned inputs ---------------------------------------------------------------------

@@ -25,6 +25,7 @@ __all__ = [
     "NoiseBounds",
     "NoiseConstraint",
     "RateLimit",
+    "bound_at_rest",
     "estimate_noise_bound",
 ]
 
@@ -438,25 +439,44 @@ def estimate_noise_bound(
     factor = number(margin, "margin", NoiseError)
     if not 1.0 <= factor < np.inf:
         raise NoiseError(f"margin: found {margin!r}, expected a factor >= 1")
-    record = zero_input_record
+    return bound_at_rest(zero_input_record, "zero_input_record", factor, offset)
+
+
+def bound_at_rest(
+    record: IOData | ArrayLike, field: str, margin: float = 1.0, offset: bool = True
+) -> EstimatedBound:
+    """Estimate a noise bound as :func:`estimate_noise_bound`, for messages that name ``field``.
+
+    Parameters
+    ----------
+    record : IOData or array_like
+    field : str
+        What the caller's argument is called.
+    margin : float
+    offset : bool
+    """
     if not isinstance(record, IOData):
-        values = real_array(record, "zero_input_record", NoiseError)
+        values = real_array(record, field, NoiseError)
         if values.ndim not in (1, 2) or not values.size:
-            raise NoiseError(
-                f"zero_input_record: found shape {values.shape}, expected (N,) or (N, channels)"
-            )
+            raise NoiseError(f"{field}: found shape {values.shape}, expected (N,) or (N, channels)")
+        empty = np.flatnonzero(np.all(np.isnan(values.reshape(len(values), -1)), axis=0))
+        if empty.size:
+            raise NoiseError(f"{field}: found no number in channel {empty[0] + 1}, expected some")
         record = IOData(np.zeros(values.shape[:1]), values)
     if np.any(np.nan_to_num(record.u) != 0.0):
-        raise NoiseError("zero_input_record: found inputs that are not zero, expected rest")
+        raise NoiseError(f"{field}: found inputs that are not zero, expected rest")
     low, high = np.nanmin(record.y, axis=0), np.nanmax(record.y, axis=0)
     read = int(np.min(np.count_nonzero(~np.isnan(record.y), axis=0)))
-    centre = (low + high) / 2 if offset else np.zeros_like(low)
-    value = factor * np.maximum(high - centre, centre - low)
+    centre = low / 2 + high / 2 if offset else np.zeros_like(low)  # a sum might overflow
+    with np.errstate(over="ignore"):
+        value = margin * np.maximum(high - centre, centre - low)
+    if not np.all(np.isfinite(value)):
+        raise NoiseError(f"margin: found {margin!r}, times what was seen no double, expected less")
     text = ", ".join(all_digits(v) for v in value)
     return EstimatedBound(
         frozen(value),
         frozen(centre),
-        f"bound {text} estimated from {read} samples at rest (margin {all_digits(factor)})",
+        f"bound {text} estimated from {read} samples at rest (margin {all_digits(margin)})",
     )
 
 

@@ -267,7 +267,10 @@ class PolynomialNARX(InNotebook):
         output, input : int
             Channels, from 1.
         """
-        raise ModelError("model: a PolynomialNARX has no transfer function")
+        raise ModelError(
+            "model: found a PolynomialNARX, which has no transfer function, expected a linear "
+            "structure"
+        )
 
 
 def _rank(factor: Lagged) -> tuple[bool, int, int]:

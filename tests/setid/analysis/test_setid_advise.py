@@ -245,3 +245,50 @@ def test_widths_of_continuous_structures_need_the_interval() -> None:
 def test_a_record_at_rest_has_the_channels_of_the_step_record() -> None:
     with pytest.raises(setid.DataError, match="zero_record: found 3 channels, expected 1"):
         setid.advise(step(), np.zeros((20, 3)))
+
+
+def test_quantised_readings_at_rest_leave_half_a_step_of_noise() -> None:
+    """Readings in steps of 1/4 that rest at a level are off by up to 1/8."""
+    data = step()
+    coarse = setid.IOData(data.u, np.round(4 * data.y) / 4, TS, output_names="speed")
+    for found in (setid.advise(coarse), setid.advise(coarse, np.zeros(30))):
+        assert found.noise_bound is not None
+        assert float(found.noise_bound) == 0.125 and "noise bound 0.125 from" in found.text
+        assert "widened to 0.125" in found.noise_bound.assumption
+        assert "noise bound of speed is half a step of its quantisation" in found.text
+    wide = setid.advise(coarse, [0.25, -0.25, 0.0])
+    assert float(wide.noise_bound or 0) == 0.25 and "half a step" not in wide.text
+
+
+def test_a_rest_that_shows_no_noise_says_so() -> None:
+    assert "speed never changes at rest" in setid.advise(step(), np.full(9, 3.0)).text
+    assert "one sample at rest shows no noise" in setid.advise(step(), [3.0]).text
+
+
+@pytest.mark.parametrize("gap", [slice(0, 100), slice(100, None), slice(-120, None)])
+def test_missing_readings_are_not_called_unsettled(gap: slice) -> None:
+    y = step().y[:, 0].copy()
+    y[gap] = np.nan
+    found = setid.advise(setid.IOData(step().u, y, TS, output_names="speed"))
+    assert np.isnan(found.settling_time) and "has not settled" not in found.text
+    assert "no reading of speed is known before the step or at the end" in found.text
+
+
+def test_readings_without_digits_are_not_called_saturated() -> None:
+    """About 1e15 doubles are 1/8 apart."""
+    found = setid.advise(setid.IOData(step().u, step().y + 1e15, TS))
+    assert not found.saturation and "never changes at rest" in found.text
+
+
+@pytest.mark.parametrize("place", ["u", "y", "Ts"])
+def test_numbers_that_would_overflow_are_refused(place: str) -> None:
+    data = {"u": step().u, "y": step().y, "Ts": 1.0}
+    data[place] = 1e307 * data[place]
+    with pytest.raises(setid.DataError, match=r"step_record: found .*e\+307, expected numbers"):
+        setid.advise(setid.IOData(**data))
+
+
+def test_what_is_wrong_with_readings_at_rest_names_the_argument() -> None:
+    for rest in ([], "loud", [np.nan], setid.IOData([0, 1], [1, 2])):
+        with pytest.raises(setid.NoiseError, match="zero_record: found"):
+            setid.advise(step(), rest)

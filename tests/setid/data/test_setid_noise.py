@@ -57,6 +57,8 @@ def test_a_proportional_error_is_covered() -> None:
         (lambda: setid.estimate_noise_bound(0.1), "zero_input_record: found shape \\(\\)"),
         (lambda: setid.estimate_noise_bound([]), "zero_input_record: found shape \\(0,\\)"),
         (lambda: setid.estimate_noise_bound(setid.IOData([0, 1], [1, 2])), "expected rest"),
+        (lambda: setid.estimate_noise_bound([np.nan]), "zero_input_record: found no number in"),
+        (lambda: setid.estimate_noise_bound([-9e307, 9e307], 3.0), "margin: found 3.0, times"),
     ],
 )
 def test_wrong_noise(make, message: str) -> None:
@@ -204,3 +206,8 @@ def test_constraints_of_output_noise_say_nothing_of_a_discretisation_error(const
 def test_bounds_beyond_all_doubles_are_refused(noise: setid.Noise, field: str) -> None:
     with pytest.raises(setid.NoiseError, match=f"{field}: found a bound beyond all doubles"):
         noise.bounds(setid.IOData([3, 2], [2, 4]))
+
+
+def test_the_middle_of_huge_readings_does_not_overflow() -> None:
+    bound = setid.estimate_noise_bound([2.0**1023, 1.5 * 2.0**1023])
+    assert bound.value[0] == 2.0**1021 and bound.centre[0] == 1.25 * 2.0**1023

@@ -272,7 +272,7 @@ def test_a_pole_at_the_origin_needs_zero_margin_rows() -> None:
 def test_nonlinear_structures_have_no_poles() -> None:
     data = setid.IOData([1, 2, 3], [0, 1, 1])
     model = setid.PolynomialNARX(["y1", "u0"], 1, 0)
-    with pytest.raises(setid.ModelError, match="no transfer function"):
+    with pytest.raises(setid.ModelError, match="found a PolynomialNARX, which has no transfer"):
         setid.formulate(data, model, setid.Noise(0.1), [setid.Stable()])
 
 
