@@ -24,7 +24,7 @@ from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
-from setid.result.damaged_texts import check_fields, refused
+from setid.result.damaged_texts import check_fields, member_of, object_of, refused, texts_of
 from setid.result.identification import Identification, least_settled
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
@@ -37,6 +37,8 @@ __all__ = ["Reparametrisation", "reparametrise"]
 _KIND = "reparametrisation"
 _SECONDS = 60.0  # where options say nothing
 _HEAD = {"format": "setid", "version": 1, "is": _KIND}
+_KEYS = ("identification", "physical", "intervals", "certificates", "attained", "notes")
+_INTERVAL = ("name", "outer", "inner", "status")
 _POINT = optional(PROVED_POINT)
 
 
@@ -190,7 +192,7 @@ class Reparametrisation:
             If the text is no result, or a claim in it does not follow from the record in it.
         """
         with refused("from_json", "a stored result"):
-            found = parsed(text)
+            found = object_of(parsed(text), "from_json", [*_HEAD, _KIND])
             if {key: found[key] for key in _HEAD} != _HEAD:
                 raise SetidError(f"from_json: found {found['is']!r:.60}, expected {_KIND!r}")
             result = _read(found[_KIND])
@@ -273,16 +275,19 @@ def reparametrise(
 
 def _read(found: Any) -> Reparametrisation:
     """Build a result from what its text holds; nothing in it is verified yet."""
+    object_of(found, _KIND, _KEYS)
     known = Identification.from_json(json.dumps(found["identification"]))
     physical = read(found["physical"], "physical")
     if not isinstance(physical, Physical):
         raise SetidError(f"physical: found {type(physical).__name__}, expected Physical")
     items = {}
-    for item in found["intervals"]:
-        outer, inner = read(item["outer"]), read(item["inner"])
-        status = IntervalStatus[item["status"]]
+    for k, item in enumerate(found["intervals"]):
+        place = f"intervals[{k}]"
+        object_of(item, place, _INTERVAL)
+        outer, inner = (read(item[key], f"{place}.{key}") for key in ("outer", "inner"))
+        status = member_of(IntervalStatus, item["status"], f"{place}.status")
         made = ParameterInterval(item["name"], outer, inner, status)
-        check_fields(made, "intervals")
+        check_fields(made, place)
         items[made.name] = made
     points = [_POINT.read(point, "attained") for point in found["attained"]]
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
@@ -290,7 +295,7 @@ def _read(found: Any) -> Reparametrisation:
     formulation = None
     if not known.empty:
         formulation = with_relations(known.formulation, physical, known.intervals)
-    notes = tuple(str(note) for note in found["notes"])
+    notes = texts_of(found["notes"], "notes")
     tol = float(Options(tol=read(found.get("tol", Options().tol))).tol)  # older texts do not say
     return Reparametrisation(known, physical, FrozenMapping(items), formulation, ends, notes, tol)
 

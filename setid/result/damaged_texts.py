@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from enum import Enum
 from functools import cache
 from sys import float_info
 from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from setid.errors import SetidError
 from setid.proofs.evidence import DAMAGE
 
-__all__ = ["check_fields", "refused"]
+__all__ = ["check_fields", "member_of", "object_of", "refused", "table_of", "texts_of"]
+
+K = TypeVar("K", bound=Enum)
 
 _ROOM = re.compile(r"(\w+\.)+")  # in names of types
 
@@ -51,6 +54,53 @@ def refused(place: str, expected: str) -> Iterator[None]:
         raise
     except DAMAGE as error:
         raise SetidError(f"{place}: {error!r:.200}, expected {expected}") from error
+
+
+def object_of(found: Any, place: str, keys: Iterable[str] = ()) -> dict[str, Any]:
+    """Check an object of JSON that has some entries.
+
+    Parameters
+    ----------
+    found : object
+    place : str
+        For the message.
+    keys : iterable of str
+        Entries that it needs; it may have others.
+
+    Raises
+    ------
+    SetidError
+        Naming the place or the entry.
+    """
+    if type(found) is not dict:
+        raise SetidError(f"{place}: found {found!r:.60}, expected an object")
+    for key in keys:
+        if key not in found:
+            raise SetidError(f"{place}.{key}: found nothing, expected an entry of that name")
+    return found
+
+
+def texts_of(found: Any, place: str) -> tuple[str, ...]:
+    """Check a list of texts."""
+    if type(found) is not list or not all(type(text) is str for text in found):
+        raise SetidError(f"{place}: found {found!r:.60}, expected a list of texts")
+    return tuple(found)
+
+
+def table_of(found: Any, place: str, kind: type[float] | type[bool]) -> dict[str, Any]:
+    """Check an object of JSON whose values are numbers or booleans."""
+    for key, value in object_of(found, place).items():
+        if not _fits(value, kind):
+            raise SetidError(f"{place}.{key}: found {value!r:.60}, expected a {kind.__name__}")
+    return {key: kind(value) for key, value in found.items()}
+
+
+def member_of(kind: type[K], found: Any, place: str) -> K:
+    """Choose a member of an enumeration by its name."""
+    names = list(kind.__members__)
+    if not isinstance(found, str) or found not in names:
+        raise SetidError(f"{place}: found {found!r:.60}, expected one of {', '.join(names)}")
+    return kind[found]
 
 
 def check_fields(made: Any, place: str) -> None:

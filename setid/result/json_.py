@@ -21,7 +21,14 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.certificate_files import certificate_files
-from setid.result.damaged_texts import check_fields, refused
+from setid.result.damaged_texts import (
+    check_fields,
+    member_of,
+    object_of,
+    refused,
+    table_of,
+    texts_of,
+)
 from setid.result.holdout import Holdout, stated
 from setid.result.identification import Identification
 from setid.result.json_parts import check_attained, read, write
@@ -36,6 +43,11 @@ _KIND = "result"
 _NEAR = 1e-6  # violation of rows by stored witnesses, relative to the sizes of their terms
 _POINT = optional(PROVED_POINT)
 _SCALE = ("scale", "theta", "witness", "limit", "bound", "box", "refuted")  # of a least factor
+_KEYS = ("data", "model", "noise", "priors", "fingerprint", "options", "intervals", "box", "bounds")
+_LATER = ("ends", "unbounded", "nonzero", "active", "samples", "timings", "notes")
+_ENDS = ("attained", "results", "certificates")  # a list each, and certificates as one object
+_END = ("lower_bound", "upper_bound", "solver_value", "status", "x", "notes")
+_INTERVAL = ("name", "outer", "inner", "status", "witnesses")
 _PLAIN = ("tol", "time_limit", "solver", "progress", "unidentifiable")  # fields of options
 
 
@@ -104,7 +116,7 @@ def from_json(text: str) -> Identification:
             "version"
         )
     with refused("from_json", "a stored identification"):
-        result = _result(found[_KIND])
+        result = _result(object_of(found.get(_KIND), _KIND))
     with refused("from_json: verification", "claims that can be checked"):
         verdict = result.verify()
     if not verdict:
@@ -189,30 +201,31 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
     Verification tells which priors the evidence with fewer of them rests on, and constraints are
     equal only to themselves.
     """
+    object_of(found, _KIND, (*_KEYS, *_LATER))
     data = read(found["data"], "data")
     if not isinstance(data, IOData):
         raise SetidError(f"data: found {type(data).__name__}, expected IOData")
     model, noise = read(found["model"], "model"), read(found["noise"], "noise")
     shared = dict(known or {})
-    texts = [json.dumps(prior, sort_keys=True) for prior in found["priors"]]
-    for text, prior in zip(texts, found["priors"], strict=True):
+    priors = _list(found["priors"], "priors")
+    texts = [json.dumps(prior, sort_keys=True) for prior in priors]
+    for text, prior in zip(texts, priors, strict=True):
         shared[text] = shared[text] if text in shared else read(prior, "priors")
     formulation = formulate(data, model, noise, [shared[text] for text in texts])
     box, bounds = read(found["box"], "box"), read(found["bounds"], "bounds")
     reference, fewer, driven = (
-        None if found.get(key) is None else _result(found[key], shared)
+        None if found.get(key) is None else _result(object_of(found[key], key), shared)
         for key in ("reference", "fewer_priors", "driven")
     )
-    problem = formulation.problem
-    if problem.fingerprint != found["fingerprint"]:
-        problem = problem_on_box(formulation, box)
-        if driven is not None and not driven.empty:
-            problem = within_driven(problem, formulation, driven.intervals)
-    if problem.fingerprint != found["fingerprint"]:
-        raise SetidError("from_json: the stored problem is not that of its record and its box")
-    options = Options(**{name: found["options"][name] for name in _PLAIN})
-    intervals = FrozenMapping({i["name"]: _interval(i, formulation) for i in found["intervals"]})
-    asked = objectives(formulation) if found["ends"]["results"] else []
+    with refused("box", "a box of these parameters"):
+        problem = _stated(formulation, box, driven, found["fingerprint"])
+    plain = object_of(found["options"], "options", _PLAIN)
+    options = Options(**{name: plain[name] for name in _PLAIN})
+    items = _list(found["intervals"], "intervals")
+    made_items = [_interval(item, formulation, f"intervals[{k}]") for k, item in enumerate(items)]
+    intervals = FrozenMapping({item.name: item for item in made_items})
+    ends = object_of(found["ends"], "ends", _ENDS)
+    asked = objectives(formulation) if ends["results"] else []
     made = Identification(
         formulation=formulation,
         intervals=intervals,
@@ -221,11 +234,11 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         assumptions=formulation.assumptions,
         box=box,
         bounds=bounds,
-        results=_results(found["ends"], in_units(problem, formulation), asked, options),
-        active=FrozenMapping({str(k): v is True for k, v in found["active"].items()}),
-        samples=tuple((int(r), int(k)) for r, k in found["samples"]),
-        timings=FrozenMapping({str(k): float(v) for k, v in found["timings"].items()}),
-        notes=tuple(str(text) for text in found["notes"]),
+        results=_results(ends, in_units(problem, formulation), asked, options),
+        active=FrozenMapping(table_of(found["active"], "active", bool)),
+        samples=read(found["samples"], "samples"),
+        timings=FrozenMapping(table_of(found["timings"], "timings", float)),
+        notes=texts_of(found["notes"], "notes"),
         unbounded=read(found["unbounded"], "unbounded"),
         reference=reference,
         nonzero=read(found["nonzero"], "nonzero"),
@@ -237,6 +250,29 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
     return made
 
 
+def _list(found: Any, place: str) -> list[Any]:
+    if type(found) is not list:
+        raise SetidError(f"{place}: found {found!r:.60}, expected a list")
+    return found
+
+
+def _stated(
+    formulation: Formulation, box: Any, driven: Identification | None, fingerprint: str
+) -> sp.Problem:
+    """State the problem that was solved, of the record alone or on its box."""
+    problem = formulation.problem
+    if problem.fingerprint != fingerprint:
+        problem = problem_on_box(formulation, box)
+        if driven is not None and not driven.empty:
+            problem = within_driven(problem, formulation, driven.intervals)
+    if problem.fingerprint != fingerprint:
+        raise SetidError(
+            f"fingerprint: found {fingerprint!r:.60}, expected that of the problem of this record, "
+            "with its structure, noise, priors and box"
+        )
+    return problem
+
+
 def _holdout(
     found: dict[str, Any] | None,
     known: Formulation,
@@ -245,12 +281,14 @@ def _holdout(
 ) -> Holdout | None:
     if found is None:
         return None
+    object_of(found, "holdout", ("data", "noise", "ends", *_SCALE))
+    ends = object_of(found["ends"], "ends", _ENDS)
     noise = read(found["noise"], "noise")
     data, parts = read(found["data"], "data"), {key: read(found[key], key) for key in _SCALE}
     formulation = stated(known, intervals, data, noise, parts["limit"])
     problem = problem_with_factor(formulation, parts["box"])
-    asked = [problem.objective] if found["ends"]["results"] else []
-    results = _results(found["ends"], in_units(problem, formulation), asked, options)
+    asked = [problem.objective] if ends["results"] else []
+    results = _results(ends, in_units(problem, formulation), asked, options)
     result = results[0] if results else None
     level = NoiseScale(
         **parts, formulation=formulation, problem=problem, result=result, noise=noise
@@ -259,18 +297,22 @@ def _holdout(
     return Holdout(level)
 
 
-def _interval(found: dict[str, Any], formulation: Formulation) -> ParameterInterval:
-    low, high = (optional(array).read(w, "witnesses") for w in found["witnesses"])
+def _interval(found: Any, formulation: Formulation, place: str) -> ParameterInterval:
+    object_of(found, place, _INTERVAL)
+    witnesses = _list(found["witnesses"], f"{place}.witnesses")
+    if len(witnesses) != 2:
+        raise SetidError(f"{place}.witnesses: found {len(witnesses)}, expected two")
+    low, high = (optional(array).read(w, f"{place}.witnesses") for w in witnesses)
     for point in (low, high):
         _check_witness(point, formulation)
     made = ParameterInterval(
         name=found["name"],
-        outer=read(found["outer"]),
-        inner=read(found["inner"]),
-        status=IntervalStatus[found["status"]],
+        outer=read(found["outer"], f"{place}.outer"),
+        inner=read(found["inner"], f"{place}.inner"),
+        status=member_of(IntervalStatus, found["status"], f"{place}.status"),
         witnesses=(low, high),
     )
-    check_fields(made, "intervals")
+    check_fields(made, place)
     return made
 
 
@@ -301,34 +343,52 @@ def _proved_again(point: sp.ProvedPoint, problem: sp.Problem) -> sp.ProvedPoint:
 def _results(
     found: dict[str, Any], scaled: InUnits, asked: Sequence[Any], options: Options
 ) -> tuple[sp.Result, ...]:
+    items = _list(found["results"], "ends.results")
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
-    points = [_POINT.read(p, "attained") for p in found["attained"]]
-    if not len(found["results"]) == len(proofs) == len(points) == len(asked):
+    attained = _list(found["attained"], "ends.attained")
+    points = [_POINT.read(p, "attained") for p in attained]
+    if not len(items) == len(proofs) == len(points) == len(asked):
         raise SetidError("ends: found numbers of proofs that differ, expected two a parameter")
     made = []
-    for item, proof, point, objective in zip(found["results"], proofs, points, asked, strict=True):
-        problem = scaled.problem.with_objective(scaled.asked(objective)[0])
-        if point is not None:
-            point = _proved_again(point, problem)
-        # what verification proves, whatever the text states beside it
-        low = read(item["lower_bound"]) if proof is not None else -inf
-        high = read(item["upper_bound"]) if point is not None else inf
-        status = sp.Status[item["status"]]
-        made.append(
-            sp.Result(
-                problem=problem,
-                options=options.for_engine(),
-                status=status,
-                lower_bound=min(low, inf if proof is None else proof.bound),
-                upper_bound=max(high, -inf if point is None else point.value),
-                x=optional(array).read(item["x"], "x"),
-                certificate=proof,
-                attained=point,
-                points=(),
-                relaxation=None,
-                solution=None,
-                solver_value=read(item["solver_value"]),
-                notes=tuple(str(text) for text in item["notes"]),
-            )
-        )
+    for k, (item, proof, point) in enumerate(zip(items, proofs, points, strict=True)):
+        made.append(_solved(item, proof, point, asked[k], scaled, options, f"ends.results[{k}]"))
     return tuple(made)
+
+
+def _solved(
+    item: Any,
+    proof: sp.Certificate | None,
+    point: sp.ProvedPoint | None,
+    objective: Any,
+    scaled: InUnits,
+    options: Options,
+    place: str,
+) -> sp.Result:
+    """Read one end: what verification proves, whatever the text states beside it."""
+    object_of(item, place, _END)
+    problem = scaled.problem.with_objective(scaled.asked(objective)[0])
+    if point is not None:
+        point = _proved_again(point, problem)
+    low, high, solver = (_number(item, key, place) for key in _END[:3])
+    return sp.Result(
+        problem=problem,
+        options=options.for_engine(),
+        status=member_of(sp.Status, item["status"], f"{place}.status"),
+        lower_bound=-inf if proof is None else min(low, proof.bound),
+        upper_bound=inf if point is None else max(high, point.value),
+        x=optional(array).read(item["x"], f"{place}.x"),
+        certificate=proof,
+        attained=point,
+        points=(),
+        relaxation=None,
+        solution=None,
+        solver_value=solver,
+        notes=texts_of(item["notes"], f"{place}.notes"),
+    )
+
+
+def _number(item: dict[str, Any], key: str, place: str) -> float:
+    value = read(item[key], f"{place}.{key}")
+    if type(value) not in (int, float):
+        raise SetidError(f"{place}.{key}: found {value!r:.60}, expected a number")
+    return float(value)

@@ -244,7 +244,10 @@ def test_files_keep_all_claims():
         ),
         (lambda r: r["attained"].pop(), "expected a stored result"),
         (lambda r: r.update(physical=r["identification"]), "found|expected"),
-        (lambda r: r.pop("notes"), "expected a stored result"),
+        (lambda r: r.pop("notes"), "reparametrisation.notes: found nothing"),
+        (lambda r: r.update(notes="one"), "notes: found 'one', expected a list of texts"),
+        (lambda r: r["intervals"][0].update(status=1), r"intervals\[0\].status: found 1, expected"),
+        (lambda r: r["intervals"][0].pop("outer"), r"intervals\[0\].outer: found nothing"),
         (lambda r: r["identification"].update(version=9), "expected"),
     ],
 )

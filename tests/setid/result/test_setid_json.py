@@ -21,6 +21,7 @@ from setid.proofs.denominators.denominator_box import DenominatorBox, Limit
 from setid.proofs.denominators.denominator_cells import Cell, VaryingLeaf
 from setid.proofs.denominators.varying_multipliers import VaryingCells
 from setid.proofs.parameter_box import problem_on_box
+from sparsepop_py.io.json_files.certificates import CERTIFICATES
 
 FAST = setid.Options(time_limit=5.0, progress=False)
 FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
@@ -200,7 +201,7 @@ def test_witnesses_that_are_no_members_are_refused() -> None:
         ("", "JSON"),
         ("[]", "format"),
         ('{"format":"setid","version":1,"is":"identification"}', "format"),
-        ('{"format":"setid","version":1,"is":"result","result":{}}', "stored identification"),
+        ('{"format":"setid","version":1,"is":"result","result":{}}', "result.data: found nothing"),
     ],
 )
 def test_other_texts_are_refused(text: str, why: str) -> None:
@@ -273,12 +274,36 @@ TREE, LIMIT = (*FIELDS, "trees", 0, "fields"), (*FIELDS, "limits", 0, 0)
             r"weights: .*expected tuple\[int, int\]",
         ),
         ((*TREE, "cells", 0, "fields", "children"), [[]], "children: found .*expected tuple"),
-        ((*FIELDS, "lower", "shape"), [2, 1], "from_json: ValueError"),
+        ((*FIELDS, "lower", "shape"), [2, 1], "box: ValueError"),
         (("unbounded",), "u", r"result\.unbounded: found 'u', expected Unbounded \| None"),
         (("bounds",), [3], r"result\.bounds: found \(3,\), expected tuple\[LinearBound"),
         (("options", "tol"), 10**400, "tol"),
-        (("timings",), {"box": 10**400}, "OverflowError"),
-        (("intervals", 0, "name"), 7, r"intervals\.name: found 7, expected str"),
+        (("timings",), {"box": 10**400}, "timings.box: found 1000.*expected a float"),
+        (("intervals", 0, "name"), 7, r"intervals\[0\]\.name: found 7, expected str"),
+        (("notes",), 3, "notes: found 3, expected a list of texts"),
+        (("notes",), "text", "notes: found 'text', expected a list of texts"),
+        (("timings",), [], r"timings: found \[\], expected an object"),
+        (("active",), True, "active: found True, expected an object"),
+        (("active",), {"Stable": 1}, "active.Stable: found 1, expected a bool"),
+        (("samples",), [[1]], r"samples: found \(\(1,\),\), expected tuple"),
+        (("ends",), None, "ends: found None, expected an object"),
+        (("ends",), {}, "ends.attained: found nothing"),
+        (("ends", "attained"), 3, "ends.attained: found 3, expected a list"),
+        (("ends", "results"), True, "ends.results: found True, expected a list"),
+        (("options",), [], r"options: found \[\], expected an object"),
+        (("intervals",), "x", "intervals: found 'x', expected a list"),
+        (("intervals", 0), [], r"intervals\[0\]: found \[\], expected an object"),
+        (("intervals", 0, "status"), [], r"intervals\[0\]\.status: found \[\], expected one of"),
+        (
+            ("intervals", 0, "witnesses"),
+            [None],
+            r"\[0\]\.witnesses: found 1, expected two",
+        ),
+        (("intervals", 1, "outer"), {}, r"intervals\[1\]\.outer: found {}"),
+        (("priors",), None, "priors: found None, expected a list"),
+        (("driven",), {}, "result.data: found nothing"),
+        (("box",), [], "box: AttributeError"),
+        (("fingerprint",), "x", "fingerprint: found 'x', expected that of the problem"),
     ],
 )
 def test_damaged_fields_are_named(path: tuple[str | int, ...], value: object, why: str) -> None:
@@ -335,3 +360,24 @@ def test_certified_ends_are_near_those_that_are_attained() -> None:
         assert not forged.verify() and not setid.verify(forged)
     found["result"]["intervals"][0]["status"] = "PARTIAL"
     assert setid.Identification.from_json(json.dumps(found)).intervals["a1"].outer[1] == 100.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "why"),
+    [
+        ("lower_bound", "x", "lower_bound: found 'x', expected a number"),
+        ("solver_value", {}, "solver_value: found {}"),
+        ("status", 3, "status: found 3, expected one of OPTIMAL"),
+        ("notes", None, "notes: found None, expected a list of texts"),
+    ],
+)
+def test_damaged_ends_are_named(key: str, value: object, why: str) -> None:
+    """Four ends without proof, the last of which is damaged."""
+    end: dict[str, object] = {"lower_bound": 0, "upper_bound": 0, "solver_value": 0, "notes": []}
+    end |= {"status": "LIMIT", "x": None}
+    ends = {"attained": [None] * 4, "certificates": CERTIFICATES.write([None] * 4)}
+    ends["results"] = [end] * 4
+    assert setid.Identification.from_json(changed(cones(), "ends", value=ends)).results
+    ends["results"] = [end] * 3 + [{**end, key: value}]
+    with pytest.raises(setid.SetidError, match=rf"ends\.results\[3\]\.{why}"):
+        setid.Identification.from_json(changed(cones(), "ends", value=ends))
