@@ -6,7 +6,6 @@ transient, and what a record at rest says of its noise has a confidence, not a p
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, log10, prod
@@ -27,6 +26,7 @@ from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
 from sparsepop_py.lp.scaled import solve_scaled
+from sparsepop_py.solvers.threads import silent
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -594,8 +594,7 @@ def excitation(
     model = model if Ts is None else at_rate(model, interval)
     outputs = simulate(model, theta, u)
     inputs = np.asarray(u, float).reshape(len(outputs), model.inputs)
-    with warnings.catch_warnings():  # widths say what an input does not excite
-        warnings.simplefilter("ignore", SetidWarning)
+    with silent(SetidWarning):  # widths say what an input does not excite
         formulation = formulate(IOData(inputs, outputs, interval), model, noise)
     rows = formulation.regression
     if rows is None:

@@ -9,7 +9,6 @@ evidence as for any record. A row that is left out can only make the set larger.
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from copy import copy
@@ -42,6 +41,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box, start_of
 from setid.proofs.verification import verify
 from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.solvers.threads import silent
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -646,6 +646,5 @@ def _rows_of(given: ArrayLike, field: str, channels: int) -> Reals:
 
 def _quiet(make: Any) -> Any:
     """Without warnings on inputs that never change, which single samples are."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SetidWarning)
+    with silent(SetidWarning):
         return make()

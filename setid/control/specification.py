@@ -9,7 +9,6 @@ sample is a zero at 2 / Ts, and goes back exactly.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -31,6 +30,7 @@ from setid.control.engine import (
 )
 from setid.control.references import complex_numbers
 from setid.control.transfer import Transfer
+from sparsepop_py.solvers.threads import silent
 
 __all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
 
@@ -212,8 +212,7 @@ def _mixed_sensitivity(
     plant = plant / float(np.real(module.evalfr(plant, 0.0)))
     speed = _warped(spec.bandwidth, spec.Ts)
     weight_s, weight_t = _weights(module, spec, speed)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)
+    with silent(FutureWarning):
         found = module.mixsyn(module.ss(plant), weight_s, None, weight_t)
         controller, gamma = found[0], float(found[2][0])
         closed = module.feedback(module.ss(plant) * controller, 1)

@@ -9,7 +9,6 @@ degree two. IPOPT through casadi is an optional extra.
 from __future__ import annotations
 
 import time
-import warnings
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from sparsepop_py.local_search.newton_descent import newton_polish, zeros_of_squ
 from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.solvers.threads import silent
 
 __all__ = ["DENSE_LIMIT", "local_search"]
 
@@ -64,8 +64,7 @@ def local_search(
     """
     problem = problem.sharpened
     start = np.clip(start, problem.lower, problem.upper)
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
+    with silent(), np.errstate(all="ignore"):
         if method == "ipopt":
             return _ipopt(problem, start, end)
         if method == "sequential":

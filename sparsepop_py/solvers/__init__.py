@@ -9,7 +9,6 @@ and register it; ``Options(solver=...)`` then knows its name.
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -157,9 +156,9 @@ def require_solver(name: str) -> None:
 
 def _computed_again(program: ConicProgram, found: ConicSolution, solver: str) -> ConicSolution:
     """Compute what follows from y and z, whatever a solver from outside says of it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # complex numbers
-        y, z = np.asarray(found.y, float), np.asarray(found.z, float)
+    if np.iscomplexobj(found.y) or np.iscomplexobj(found.z):
+        raise TypeError("found complex numbers, expected doubles")
+    y, z = np.asarray(found.y, float), np.asarray(found.z, float)
     counts = max(0, int(found.iterations)), float(found.seconds)
     return solution(program, found.status, y, z, *counts, solver, str(found.detail))
 

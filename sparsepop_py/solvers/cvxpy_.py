@@ -7,7 +7,6 @@ only when asked for.
 from __future__ import annotations
 
 import time
-import warnings
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers.interface import ConicSolver
+from sparsepop_py.solvers.threads import silent
 
 __all__ = ["require", "solve", "solver_of"]
 
@@ -100,8 +100,7 @@ def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
     problem = cp.Problem(cp.Minimize(program.q @ y), constraints)
     start = time.process_time()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # inaccuracy is in the status
+        with silent():  # inaccuracy is in the status
             problem.solve(solver=name.upper(), **settings)
         detail = str(problem.status)
     except cp.error.SolverError as error:

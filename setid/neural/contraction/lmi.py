@@ -19,7 +19,6 @@ of recurrent neural networks", IEEE Transactions on Automatic Control 69 (2024).
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +38,7 @@ from setid.neural.arithmetic import (
 from setid.neural.models.network import Network
 from setid.neural.models.recurrent import Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
+from sparsepop_py.solvers.threads import silent
 
 __all__ = ["Lyapunov", "difference_system", "find_lyapunov", "prove_lyapunov", "size_bounds"]
 
@@ -211,8 +211,7 @@ def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
         ],
     )
     try:
-        with warnings.catch_warnings():  # of inaccurate solutions: what it proposes is verified
-            warnings.simplefilter("ignore")
+        with silent():  # about inaccurate solutions: what it proposes is verified
             problem.solve(solver=cp.CLARABEL)
     except (cp.error.SolverError, ValueError):
         return None

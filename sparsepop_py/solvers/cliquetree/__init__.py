@@ -259,7 +259,8 @@ def _remembered(program: ConicProgram, key: bytes, compiled: bool) -> Symbolic:
     known = _analysed.pop((key, compiled), None)
     symbolic = analyse(program, compiled) if known is None else known[0]
     _analysed[key, compiled] = symbolic, program.A.nnz
-    entries = sum(count for _, count in _analysed.values())
+    # list: other threads that solve add theirs meanwhile
+    entries = sum(count for _, count in list(_analysed.values()))
     while len(_analysed) > _KEPT and entries > _ENTRIES:
         entries -= _analysed.popitem(last=False)[1][1]
     return symbolic
