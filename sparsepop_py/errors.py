@@ -137,14 +137,26 @@ def entries_of(given: Any, field: str, expected: str) -> list[Any]:
     return list(entries)
 
 
+def refuse_masked(given: Any, field: str) -> None:
+    """Refuse arrays of ``numpy.ma`` in which elements are masked: they have no value.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if np.ma.is_masked(given):
+        raise ProblemError(f"{field}: found masked elements, expected a number in each place")
+
+
 def doubles(given: ArrayLike, field: str) -> NDArray[np.float64]:
     """Return numbers as an array of doubles.
 
     Raises
     ------
     ProblemError
-        If they are no numbers, or larger than all doubles.
+        If they are no numbers, masked, or larger than all doubles.
     """
+    refuse_masked(given, field)
     try:
         array = np.asarray(given)
         if array.dtype.kind in "cUSmM" or (  # whose imaginary parts, texts or dates numpy converts

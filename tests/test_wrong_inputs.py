@@ -55,7 +55,10 @@ WRONG = [
     ("problem", lambda: sp.find_cliques(None)),
     ("program", lambda: sp.solve_conic(None)),
     ("problem", lambda: sp.compare_orders(None, [1])),
-    *(("order", lambda v=v: sp.relax(P, v)) for v in ("a", 1.5, np.inf, HUGE, 10**5000, True)),
+    *(
+        ("order", lambda v=v: sp.relax(P, v))
+        for v in ("a", 1.5, np.inf, HUGE, 10**5000, True, 0, -3)
+    ),
     ("orders", lambda: sp.compare_orders(P, 3)),
     ("orders", lambda: sp.compare_orders(P, b"x")),
     ("orders", lambda: sp.compare_orders(P, [])),
@@ -63,6 +66,7 @@ WRONG = [
     ("names", lambda: sp.variables(2, 3)),
     ("n", lambda: sp.variables(HUGE)),
     ("n", lambda: sp.variables(10**5000)),
+    ("n", lambda: sp.variables(10**9)),  # 400 GB
     ("second_order", lambda: sp.second_order(FLAT)),
     ("second_order", lambda: sp.second_order(X, HUGE)),
     ("exponent", lambda: X**HUGE),

@@ -860,6 +860,7 @@ def _checked_terms(
     return letters.astype(np.int32), values
 
 
+_MOST_VARIABLES = 10**6  # each takes 400 bytes
 _CHECKED: list[tuple[str, ...]] = [()]  # the names that were checked last
 
 
@@ -909,8 +910,10 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
     >>> print(a * b >= 1)
     -1 + a*b >= 0
     """
-    if not isinstance(n, numbers.Integral) or not 1 <= n < 2**31:
-        raise ProblemError(f"n: found {shown(n)}, expected a positive integer below 2^31")
+    if not isinstance(n, numbers.Integral) or not 1 <= n <= _MOST_VARIABLES:
+        raise ProblemError(
+            f"n: found {shown(n)}, expected a positive integer up to {_MOST_VARIABLES}"
+        )
     labels = None
     if names is not None:
         labels = tuple(str(name) for name in entries_of(names, "names", f"{n} of them"))

@@ -15,10 +15,10 @@ from types import SimpleNamespace
 from typing import Any, NoReturn
 
 import numpy as np
-import scipy.sparse as sps
 
 from sparsepop_py.compat.param_table import FIELDS
-from sparsepop_py.errors import ParameterWarning, ProblemError
+from sparsepop_py.compat.structs import written_out
+from sparsepop_py.errors import ParameterWarning, ProblemError, shown
 from sparsepop_py.files import can_name_a_file
 from sparsepop_py.options import Options
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
@@ -42,7 +42,7 @@ _LEAST = 0.9e-10  # smaller tolerances and perturbations are errors in the origi
 
 def wrong(name: str, found: Any, expected: str) -> NoReturn:
     """Raise the error for a value."""
-    raise ProblemError(f"param.{name}: found {found!r}, expected {expected}")
+    raise ProblemError(f"param.{name}: found {shown(found)}, expected {expected}")
 
 
 def check_one_of(name: str, value: Any, legal: tuple[Any, ...]) -> Any:
@@ -143,13 +143,15 @@ def _indices(name: str, value: Any) -> Any:
         if value not in ("", "a"):
             wrong(name, value, expected)
         return value
-    items = value if isinstance(value, (list, tuple)) else [value]
-    for item in items:
-        if isinstance(item, (list, tuple)) or item == "a":
-            _indices(name, list(item) if isinstance(item, tuple) else item)
-        elif not isinstance(item, numbers.Real) or item < 1 or item % 1 != 0:
+    for item in value if isinstance(value, (list, tuple)) else [value]:
+        inner = item if isinstance(item, (list, tuple)) else [item]
+        if item != "a" and not all(map(_is_index, inner)):
             wrong(name, value, expected)
     return value
+
+
+def _is_index(item: Any) -> bool:
+    return isinstance(item, numbers.Real) and bool(item >= 1 and item % 1 == 0)
 
 
 def _effort(name: str, value: Any) -> str:
@@ -314,7 +316,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     >>> parameters.options.order, parameters.options.sparse, parameters.printLevel
     (3, False, (0, 0))
     """
-    values = {name: _plain(value) for name, value in _items(param).items()}
+    values = {name: _plain(value, name) for name, value in _items(param).items()}
     values = {name: value for name, value in values.items() if value is not None}
     for name, value in values.items():
         _check_nesting(name, value)
@@ -405,7 +407,7 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
 
 def stated_fields(param: Any) -> list[str]:
     """List the fields of a ``param`` struct that hold a value."""
-    return [name for name, value in _items(param).items() if _plain(value) is not None]
+    return [name for name, value in _items(param).items() if _plain(value, name) is not None]
 
 
 # ---- containers -------------------------------------------------------------------------
@@ -434,7 +436,7 @@ def _items(param: Any) -> dict[str, Any]:
     if isinstance(param, Mapping):
         wrong = [key for key in param if not isinstance(key, str)]
         if wrong:
-            raise ProblemError(f"param: found the key {wrong[0]!r}, expected names of fields")
+            raise ProblemError(f"param: found the key {shown(wrong[0])}, expected names of fields")
         return dict(param)
     if is_dataclass(param) and not isinstance(param, type):
         return {f.name: getattr(param, f.name) for f in fields(param)}
@@ -449,15 +451,14 @@ def _items(param: Any) -> dict[str, Any]:
     )
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, name: str) -> Any:
     """Convert a MATLAB value: scalars, lists for vectors, None for [] and ''."""
-    if sps.issparse(value):
-        value = value.toarray()
+    value = written_out(value, f"param.{name}")
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
     if isinstance(value, np.ndarray):
         cells = value.dtype == object
-        value = [_plain(v) for v in value.ravel()] if cells else value.ravel().tolist()
+        value = [_plain(v, name) for v in value.ravel()] if cells else value.ravel().tolist()
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, (list, tuple, str)) and len(value) == 0 else value
@@ -498,9 +499,9 @@ def _check(name: str, value: Any, strict: bool, tighten: int, says: list[str]) -
     if name in _EITHER or _same(value, entry.default):
         return
     if entry.effect == "none":
-        says.append(f"param.{name} = {value!r} has no effect here")
+        says.append(f"param.{name} = {shown(value)} has no effect here")
     elif entry.plain and tighten:
-        says.append(f"param.{name} = {value!r} has an effect with tighten = 0 only")
+        says.append(f"param.{name} = {shown(value)} has an effect with tighten = 0 only")
 
 
 def _sparse(value: Any, tighten: int, says: list[str]) -> int:
@@ -516,7 +517,7 @@ def _local(value: Any, strict: bool, says: list[str]) -> str:
     if value and value not in _LOCAL:
         if strict:
             wrong("POPsolver", value, "one of " + ", ".join(map(repr, _LOCAL)))
-        says.append(f"param.POPsolver = {value!r} is unknown and treated as {_LOCAL[0]!r}")
+        says.append(f"param.POPsolver = {shown(value)} is unknown and treated as {_LOCAL[0]!r}")
     return value
 
 

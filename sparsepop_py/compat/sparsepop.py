@@ -452,7 +452,8 @@ def _errors(problem: Problem, x: NDArray[np.float64]) -> tuple[float, float]:
     rows = problem.rows
     values = rows.values(x)
     size = np.ones(rows.size)
-    terms = np.abs(evaluate(rows.words, x[None, :]).ravel() * rows.coefficients)
+    with np.errstate(over="ignore"):
+        terms = np.abs(evaluate(rows.words, x[None, :]).ravel() * rows.coefficients)
     np.maximum.at(size, rows.row, terms)
     short = np.where(problem.equality, -np.abs(values), values)
     short[problem.matrices.constraints] = 0.0  # these follow from matrices, which are below

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isqrt
+from math import isqrt, prod
 from typing import Any
 
 import numpy as np
@@ -23,12 +23,13 @@ from sparsepop_py.algebra.exact_terms import require_doubles
 from sparsepop_py.algebra.matrix_constraints import cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.errors import ProblemError, check_kind
+from sparsepop_py.errors import ProblemError, check_kind, refuse_masked
 from sparsepop_py.problem.problem import Problem
 
-__all__ = ["from_structs", "to_structs"]
+__all__ = ["from_structs", "to_structs", "written_out"]
 
 INFINITE = 1e10  # bounds of this magnitude stand for none
+_MOST_DENSE = 10**8  # entries of sparse matrices that are written out
 _CONES = {2: Kind.SECOND_ORDER, 3: Kind.PSD}
 
 
@@ -175,6 +176,8 @@ def _struct_of(columns: Sequence[Polynomial], cone: int, size: int) -> dict[str,
 
 def _elements(given: Any, label: str) -> list[Any]:
     """List the structs of a list, cell array, struct array or single struct."""
+    if _is_sparse(given):  # some of them are mappings too
+        raise ProblemError(f"{label}: found {_kind(given)}, expected a struct or a list of structs")
     if given is None or (isinstance(given, Mapping) and not given):
         return []
     if isinstance(given, (list, tuple)):
@@ -190,6 +193,8 @@ def _elements(given: Any, label: str) -> list[Any]:
 
 
 def _kind(item: Any) -> str:
+    if _is_sparse(item):
+        return f"a sparse matrix of {' x '.join(map(str, item.shape))}"
     return f"an array of {item.dtype}" if isinstance(item, np.ndarray) else type(item).__name__
 
 
@@ -244,19 +249,35 @@ def _is_sparse(value: Any) -> bool:
 def _is_complex(value: Any) -> bool:
     try:
         return bool(np.iscomplexobj(value))
-    except (ValueError, RecursionError):  # rows of several lengths, lists in lists in lists
+    except (ValueError, RuntimeError):  # rows of several lengths, lists in lists in lists
         return False
+
+
+def written_out(value: Any, label: str) -> Any:
+    """Return a sparse matrix as an array with its zeros, anything else as it is.
+
+    Raises
+    ------
+    ProblemError
+        If it has too many entries.
+    """
+    if not _is_sparse(value):
+        return value
+    if prod(value.shape) > _MOST_DENSE:
+        raise ProblemError(f"{label}: found {_kind(value)}, expected at most {_MOST_DENSE} entries")
+    return value.toarray()
 
 
 def _array(value: Any, label: str) -> NDArray[np.float64]:
     """Dense copy as doubles; numbers that are none are refused."""
-    dense = value.toarray() if _is_sparse(value) else value
+    dense = written_out(value, label)
+    refuse_masked(dense, label)
     try:
         array = np.asarray(dense)
         if array.dtype.kind not in "biuf":
             raise TypeError
         doubles = array.astype(float)
-    except (TypeError, ValueError, OverflowError, RecursionError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # RecursionError too
         found = "complex numbers" if _is_complex(dense) else _kind(value)
         raise ProblemError(f"{label}: found {found}, expected real numbers") from None
     require_doubles(dense, label)
@@ -270,7 +291,8 @@ def _read(item: Any, label: str, legal: tuple[int, ...]) -> tuple[list[Polynomia
     """Read the polynomial of each column of ``coef``, and typeCone; check every field."""
     while isinstance(item, np.ndarray) and item.size == 1:  # a struct in a cell
         item = item.ravel()[0]
-    if item is None or isinstance(item, (list, tuple, str, float, int, np.ndarray, np.number)):
+    wrong = (list, tuple, str, float, int, np.ndarray, np.number)
+    if item is None or isinstance(item, wrong) or _is_sparse(item):
         raise ProblemError(f"{label}: found {_kind(item)}, expected a polynomial struct")
     struct = _Struct(item, label)
     typed = struct.integer("typeCone")
@@ -301,7 +323,7 @@ def _read(item: Any, label: str, legal: tuple[int, ...]) -> tuple[list[Polynomia
 def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
     """Exponents (noTerms, dimVar); a copy, so that sorting leaves the input as it is."""
     given = struct.required("supports")
-    if _is_sparse(given):
+    if _is_sparse(given) and given.ndim == 2:
         if given.dtype.kind not in "biuf":
             raise struct.error("supports", f"a matrix of {given.dtype}", "real numbers")
         matrix = sps.csr_array(given, copy=True).astype(float)

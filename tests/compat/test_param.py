@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse as sps
 
 from sparsepop_py.compat.param import Parameters, read_parameters
 from sparsepop_py.compat.param_table import FIELDS, render_table
@@ -418,3 +419,26 @@ def test_a_local_solver_does_not_switch_the_search_on() -> None:
 def test_wrong_values_of_own_fields(name: str, value: Any, expected: str) -> None:
     with pytest.raises(ProblemError, match=rf"param.{name}: found .*, expected {expected}"):
         read_parameters({name: value})
+
+
+@pytest.mark.parametrize(
+    "value", [[[[1]], [2]], [["a"], [1]], [[1, [2]], [1]], [0], [[1.5], [2]], 1j]
+)
+def test_sets_of_variables_hold_indices_alone(value: Any) -> None:
+    with pytest.raises(ProblemError, match=r"param.errorBdIdx: found .*, expected 'a', indices"):
+        read_parameters({"errorBdIdx": value})
+
+
+def test_messages_stay_short() -> None:
+    """Python does not print integers of more than 4300 digits."""
+    for name, value in (("relaxOrder", 10**5000), ("tighten", 10**5000), ("gap", "x" * 5000)):
+        with pytest.raises(ProblemError, match=rf"^param.{name}: found .{{,70}}, expected"):
+            read_parameters({name: value})
+    with pytest.warns(ParameterWarning, match="param.elimFrSW = an integer of thousands of"):
+        read_parameters({"elimFrSW": 10**5000})
+
+
+def test_sparse_values_are_written_out_where_they_fit() -> None:
+    assert read_parameters({"relaxOrder": sps.csr_array([[3.0]])}).relaxOrder == 3
+    with pytest.raises(ProblemError, match="param.relaxOrder: found a sparse matrix of 1000000 x"):
+        read_parameters({"relaxOrder": sps.csr_array((10**6, 10**6))})

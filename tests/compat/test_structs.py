@@ -358,3 +358,52 @@ def test_bounds_beyond_what_structs_hold_become_rows():
         "30000000000 - x2 >= 0",
     ]
     assert np.isinf(read.lower).all() and np.isinf(read.upper).all()
+
+
+HUGE_SPARSE = sps.csr_array((10**6, 10**6))  # 7 TB with its zeros
+
+
+class Refuses:
+    """An array of another package that gives its numbers to nobody."""
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuntimeError("it requires a gradient")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "found"),
+    [
+        ("coef", HUGE_SPARSE, "a sparse matrix of 1000000 x 1000000, expected at most"),
+        ("dimVar", HUGE_SPARSE, "a sparse matrix of 1000000 x 1000000, expected at most"),
+        ("supports", sps.coo_array(np.array([1, 2, 3])), "3 columns, expected 2"),
+        ("coef", Refuses(), "Refuses, expected real numbers"),
+        ("coef", np.ma.array([1.0, 2.0], mask=[0, 1]), "masked elements"),
+    ],
+)
+def test_wrong_arrays_are_named(field: str, value: Any, found: str) -> None:
+    objective, rows, lbd, ubd = example()
+    with pytest.raises(ProblemError, match=rf"ineqPolySys\[1\].{field}: found {found}"):
+        from_structs(objective, [rows[0], {**rows[1], field: value}], lbd, ubd)
+
+
+def test_a_sparse_matrix_is_no_struct() -> None:
+    objective, rows, lbd, ubd = example()
+    matrix = sps.dok_array((3, 2))
+    named = "found a sparse matrix of 3 x 2, expected a"
+    with pytest.raises(ProblemError, match=f"objPoly: {named}"):
+        from_structs(matrix, rows, lbd, ubd)
+    with pytest.raises(ProblemError, match=f"ineqPolySys: {named}"):
+        from_structs(objective, matrix, lbd, ubd)
+    with pytest.raises(ProblemError, match=rf"ineqPolySys\[1\]: {named}"):
+        from_structs(objective, [rows[0], matrix], lbd, ubd)
+
+
+def test_masked_and_huge_bounds_are_refused() -> None:
+    objective, rows, lbd, ubd = example()
+    masked = np.ma.array(np.zeros(2), mask=[0, 1])
+    with pytest.raises(ProblemError, match="ubd: found masked elements"):
+        from_structs(objective, rows, lbd, masked)
+    with pytest.raises(ProblemError, match="lbd: found a sparse matrix"):
+        from_structs(objective, rows, HUGE_SPARSE, ubd)
+    with pytest.raises(ProblemError, match="lower: found masked elements"):
+        sp.Problem(sp.variables(2)[0], lower=masked)
