@@ -239,7 +239,7 @@ def relax(
     problem : Problem
         Variables with finite bounds should have been scaled to [-1, 1].
     order : int, optional
-        Relaxation order d; raised to the least legal one (with a note) when smaller.
+        Relaxation order d, at least 1; raised to the least legal one (with a note) when smaller.
     cliques : Cliques, optional
         Found from the problem when left out.
     objectives : sequence of Polynomial
@@ -275,7 +275,8 @@ def relax(
     Raises
     ------
     ProblemError
-        If ``terms`` is unknown, or the relaxation is far too large for any solver.
+        If ``terms`` is unknown, ``order`` is no positive integer, or the relaxation is far too
+        large for any solver.
 
     References
     ----------
@@ -295,8 +296,8 @@ def relax(
     """
     check_kind(problem, Problem, "problem")
     whole = isinstance(order, numbers.Integral) and not isinstance(order, bool)
-    if order is not None and (not whole or order >= 2**31):
-        raise ProblemError(f"order: found {shown(order)}, expected an integer below 2^31")
+    if order is not None and (not whole or not 1 <= order < 2**31):
+        raise ProblemError(f"order: found {shown(order)}, expected a positive integer below 2^31")
     objectives = [f for f in objectives if f is not problem.objective]
     cliques = cliques or find_cliques(problem, objectives=objectives)
     least = objective_order(problem, objectives) if partial else least_order(problem, objectives)
