@@ -87,6 +87,7 @@ def local_search(
             return late.x
 
 
+_SLSQP_WORK = 1e-9  # of a step and each cubed number of variables: its factorizations are dense
 _MATRIX_LIMIT = 2000  # variables: the trust region method keeps two full matrices of that size
 
 
@@ -98,11 +99,12 @@ class _OutOfTime(Exception):
         self.x = np.array(x, float)
 
 
-def _value(problem: Problem, end: float) -> Any:
+def _value(problem: Problem, end: float, step_work: float = 0.0) -> Any:
+    """Build the objective with its gradient; a step beside it counts ``step_work``."""
     row, terms = problem.objective_row, problem.objective.words.shape[0]
 
     def value(x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        spend(1e-5 + 1e-7 * terms)
+        spend(1e-5 + 1e-7 * terms + step_work)
         if time.monotonic() >= end:
             raise _OutOfTime(x)
         return float(row.values(x)[0]), row.gradient(x)
@@ -165,7 +167,7 @@ def _by_slsqp(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.f
     steps = min(300, 60 + 5 * problem.dimension)  # more than that is a stall
     options = {"maxiter": steps, "ftol": 1e-12}
     result = minimize(
-        _value(problem, end),
+        _value(problem, end, _SLSQP_WORK * problem.dimension**3),
         start,
         jac=True,
         method="SLSQP",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import Deadline
 from sparsepop_py.errors import DenominatorError
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
@@ -21,13 +22,18 @@ from sparsepop_py.verified.certificate.certificate import Certificate, Node, cer
 from sparsepop_py.verified.certificate.rational_bound import RangeProof
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
-__all__ = ["prove_ranges", "sharpened"]
+__all__ = ["limits_of", "prove_ranges", "sharpened"]
 
 Solve = Callable[[Problem, Options], Result]
 _MOST, _HALF = 20.0, 0.5  # seconds, or work, for one denominator; of the limit, if that is less
 _QUICK = 1.0  # seconds, or work, for a proof over all of space
 _FAR, _DIRECTIONS = 1e4, 64  # where polynomials with a minimum are positive
 _SHARP, _SHARE = 2.0, 0.2  # seconds, or work, to sharpen a range; of the limit, for all
+
+
+def limits_of(options: Options) -> Deadline:
+    """Return a deadline after the limits of a solve, counted from now."""
+    return Deadline(options.time_limit, options.work_limit, options.cpu_limit)
 
 
 def prove_ranges(
@@ -71,6 +77,7 @@ def sharpened(
     places: tuple[int, ...],
     options: Options,
     solve: Solve,
+    ended: Callable[[], bool] = bool,
 ) -> tuple[RangeProof, ...]:
     """Bound denominators away from zero as far as relaxations and branching prove.
 
@@ -85,17 +92,23 @@ def sharpened(
         Denominators to be treated.
     options : Options
     solve : callable
+    ended : callable
+        True when the whole solve has ended.
 
     Returns
     -------
     tuple of RangeProof
+        As given where the solve had ended, or the share of its limits was used up.
     """
     if not places or options.effort == "plain":
         return proofs
     share = _SHARE / len(places)
     attempt = replace(_for_denominators(options, _SHARP, share), effort="auto", gap=1e-7)
+    whole = limits_of(options).part(_SHARE)
     found = list(proofs)
     for place in places:
+        if ended() or whole.over:
+            break
         proof, q = proofs[place], problem.denominators[place]
         below = _better(problem.base, q * float(proof.sign), attempt, solve)
         if below is not None and below.bound > proof.below.bound:

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import Deadline, cpu_seconds, spent
+from sparsepop_py.budget import cpu_seconds, spend, spent
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.problem.rounding import note as rounding_note
-from sparsepop_py.rational.denominators import prove_ranges, sharpened
+from sparsepop_py.rational.denominators import limits_of, prove_ranges, sharpened
 from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.result import RationalResult, attained_value
 from sparsepop_py.result import Result, Status
@@ -30,6 +30,8 @@ from sparsepop_py.verified.certificate.rational_bound import RangeProof, Rationa
 __all__ = ["solve_rational"]
 
 Solve = Callable[..., Result]
+_LEAST = 1e-3  # of a limit, for a polynomial problem that is solved after its end
+_PROBLEM_WORK = 0.03  # of a polynomial problem, beside what its solvers count
 _LEVELS = 8  # Newton's method doubles the digits with each
 _STILL = 1e-9  # relative change of the level that ends it
 _DESCENT, _DESCENT_WORK = 0.1, 5.0  # of what is left for a first descent; without a limit
@@ -84,6 +86,7 @@ class _RationalSearch:
         self.interrupted = False
         self.proofs: tuple[RangeProof, ...] = ()
         self.ranges: list[Range] = []
+        self.known: dict[Any, Any] = {}  # certificates that were checked
 
     def limited(self, options: Options) -> Options:
         """Reduce the limits to what is left."""
@@ -91,7 +94,7 @@ class _RationalSearch:
         for name, clock, end in self.clocks:
             given = getattr(options, name)
             if end < np.inf:
-                left = max(0.05, end - clock())
+                left = max(_LEAST, end - clock())
                 changed[name] = left if given is None else min(left, given)
         return replace(options, **changed)
 
@@ -138,20 +141,22 @@ class _RationalSearch:
         places = self.problem.lifted_places()
         before = self.proofs
         options = self.limited(self.options)
-        self.proofs = sharpened(self.problem, before, places, options, self.limited_solve)
+        solve, ended = self.limited_solve, lambda: self.over
+        self.proofs = sharpened(self.problem, before, places, options, solve, ended)
         self.replay()
         return any(new is not old for new, old in zip(self.proofs, before, strict=True))
 
     def replay(self) -> None:
         """Compute the ranges that the proofs prove."""
         proof = RationalCertificate(self.problem.fingerprint, -np.inf, self.proofs)
-        found = proof.proved_ranges(self.problem)
+        found = proof.proved_ranges(self.problem, self.known)
         if isinstance(found, str):
             raise SparsePOPError(f"a proof of a sign does not repeat: {found}; please report")
         self.ranges = found
 
     def limited_solve(self, problem: Problem, options: Options) -> Result:
         """Solve a polynomial problem in at most the time that is left."""
+        spend(_PROBLEM_WORK)
         found = self.solve(problem, self.limited(options))
         self.interrupted |= found.status is Status.INTERRUPTED
         return found
@@ -169,8 +174,7 @@ class _RationalSearch:
         found = sampled(self.problem, self.options.seed) if start is None else start
         if found is None:
             return None
-        left = self.limited(self.options)
-        deadline = Deadline(left.time_limit, left.work_limit, left.cpu_limit)
+        deadline = limits_of(self.limited(self.options))
         return descended(self.problem, found, deadline.part(_DESCENT, _DESCENT_WORK))
 
     def by_levels(self, start: NDArray[np.float64]) -> RationalResult:
@@ -226,7 +230,7 @@ class _RationalSearch:
         proof = RationalCertificate(
             problem.fingerprint, -np.inf, self.proofs, level, found.certificate
         )
-        bound, _ = proof.recompute(problem)
+        bound, _ = proof.recompute(problem, self.known)
         return self.result(replace(proof, bound=bound), found, found.notes)
 
     def point(

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.algebra.polynomial import total
+from sparsepop_py.budget import spent
 from sparsepop_py.local_search import multistart, solvers
 from sparsepop_py.local_search.multistart import starting_points
 from sparsepop_py.local_search.solvers import local_search
@@ -58,7 +60,7 @@ def test_ipopt_ends_with_the_time():
     pytest.importorskip("casadi", reason="casadi, which brings IPOPT, is an optional extra")
     x = sp.variables(2000)
     steps = [(1 - a) ** 2 + 100 * (b - a**2) ** 2 for a, b in zip(x, x[1:], strict=False)]
-    problem, start = sp.Problem(sp.total(steps)), np.full(2000, -1.2)
+    problem, start = sp.Problem(total(steps)), np.full(2000, -1.2)
     begun = time.monotonic()
     found = local_search(problem, start, "ipopt", begun + 0.05)
     assert 1.0 < problem.objective(found) <= problem.objective(start)
@@ -73,7 +75,7 @@ def test_searches_without_rows_end_at_the_stationary_point(start):
 
 
 def test_starting_points_lie_in_the_box_and_repeat():
-    problem = sp.Problem(sp.total(sp.variables(3)))
+    problem = sp.Problem(total(sp.variables(3)))
     box = Interval(np.array([-1.0, 2.0, -np.inf]), np.array([1.0, np.inf, -5.0]))
     points = starting_points(problem, box, 9, seed=3)
     assert len(points) == 10
@@ -83,7 +85,7 @@ def test_starting_points_lie_in_the_box_and_repeat():
 
 
 def test_every_other_starting_point_of_a_wide_box_is_near_0_or_the_nearest_bound():
-    problem = sp.Problem(sp.total(sp.variables(2)), [sp.variables(2)[0] == 1])
+    problem = sp.Problem(total(sp.variables(2)), [sp.variables(2)[0] == 1])
     box = Interval(np.array([-1e6, 300.0]), np.array([1e6, 1e6]))
     points = starting_points(problem, box, 9, seed=3)
     assert all(np.all((box.lo <= p) & (p <= box.hi)) for p in points)
@@ -109,7 +111,18 @@ def test_large_problems_are_searched_without_full_matrices(
     count = 2002
     x = sp.variables(count)
     rows = [x[i] * x[i + 1] >= 0.25 for i in range(0, count, 2)]
-    problem = sp.Problem(sp.total(x), rows, lower=0.1, upper=1)
+    problem = sp.Problem(total(x), rows, lower=0.1, upper=1)
     monkeypatch.setattr(solvers, "minimize", None)
     found = local_search(problem, np.full(count, 0.8))
     assert found.sum() == pytest.approx(count / 2, abs=1e-3)
+
+
+def test_dense_factorizations_of_slsqp_count_as_work():
+    """At 120 variables its steps took seconds, of which a hundredth was counted."""
+    n = 100
+    x = sp.variables(n)
+    problem = sp.Problem(total(x), [total(v * v for v in x) <= n])  # the least value is -n
+    before = spent()
+    found = local_search(problem, np.full(n, 0.5))
+    assert spent() - before > 2e-9 * n**3  # two steps at least
+    assert found == pytest.approx(np.full(n, -1.0), abs=1e-4)

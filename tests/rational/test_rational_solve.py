@@ -221,6 +221,37 @@ def test_a_short_limit_keeps_what_is_proved():
     assert result.certificate.verify(problem).ok or result.lower_bound == -math.inf
 
 
+def test_no_range_is_sharpened_after_the_end():
+    """With 60 ratios a limit of 0.05 CPU seconds was exceeded by 4."""
+    asked = []
+
+    def solved(problem, options, **named):
+        asked.append(options.cpu_limit)
+        charge(1.0)
+        return sp.solve(problem, options, **named)
+
+    x = sp.variables(6)
+    objective = sum(x[i] / (1 + x[i] ** 2 + x[i - 1] ** 2) for i in range(6))
+    problem = sp.RationalProblem(objective, lower=-2, upper=2)
+    solve_rational(problem, sp.Options(effort="auto", cpu_limit=0.8), None, solved)
+    assert len(asked) == 2  # one range, and the problem of all reciprocals
+
+
+def test_ranges_that_are_sharpened_count_as_work():
+    """Of boxes alone their bounds follow without a solver, whose iterations would count."""
+    x = sp.variables(6)
+    objective = sum(x[i] / (1 + x[i] ** 2 + x[i - 1] ** 2) for i in range(6))
+    problem = sp.RationalProblem(objective, lower=-2, upper=2)
+    asked = []
+
+    def solved(problem, options, **named):
+        asked.append(options.work_limit)
+        return sp.solve(problem, options, **named)
+
+    solve_rational(problem, sp.Options(effort="auto", work_limit=0.1), None, solved)
+    assert len(asked) < 4
+
+
 def test_a_level_is_a_double():
     """An integer that is no double once moved the bound above the minimum."""
     result = sp.solve(sp.parse("min x/(2 + x^2); s.t. x^2 <= 1"))
