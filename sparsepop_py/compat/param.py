@@ -151,7 +151,7 @@ def _indices(name: str, value: Any) -> Any:
 
 
 def _is_index(item: Any) -> bool:
-    return isinstance(item, numbers.Real) and bool(item >= 1 and item % 1 == 0)
+    return isinstance(item, numbers.Real) and not item < 1 and item % 1 == 0
 
 
 def _effort(name: str, value: Any) -> str:
