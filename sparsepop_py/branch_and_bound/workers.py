@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.executors.dispatch import is_within
 from sparsepop_py.solvers.threads import while_solving
 
 __all__ = ["Timed", "run_on", "run_timed"]
@@ -26,6 +27,8 @@ def run_on(
     deadline: Deadline,
 ) -> tuple[list[Result | None], str]:
     """Run tasks on an executor and collect what it returns before it breaks.
+
+    Tasks of a task of the same threads are done here, since waiting for them might never end.
 
     Parameters
     ----------
@@ -47,6 +50,8 @@ def run_on(
     LimitReached
         If the deadline ends the work first.
     """
+    if is_within(executor):
+        return [work(*task) for task in tasks], ""
     found: list[Result | None] = [None] * len(tasks)
     left, failure = deadline.left, ""
     end = None if left is None else time.monotonic() + (1.0 + _PATIENCE) * left

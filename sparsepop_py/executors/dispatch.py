@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
@@ -11,6 +12,7 @@ from concurrent.futures import (
     Executor,
     Future,
     ProcessPoolExecutor,
+    ThreadPoolExecutor,
     wait,
 )
 from contextlib import contextmanager
@@ -20,7 +22,7 @@ from typing import Any, Generic, TypeVar
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.executors.processes import Processes
 
-__all__ = ["Done", "completed", "map_in_order", "opened", "workers_of"]
+__all__ = ["Done", "completed", "is_within", "map_in_order", "opened", "workers_of"]
 
 Key = TypeVar("Key")
 T = TypeVar("T")
@@ -80,15 +82,38 @@ def opened(workers: int | None, executor: Executor | None) -> Iterator[Executor 
             yield pool
 
 
+def is_within(executor: Executor) -> bool:
+    """Check whether this thread is one of an executor's own.
+
+    Tasks of a ``ThreadPoolExecutor`` that wait for others of it would wait forever once they have
+    all its threads: what they ask for is done where they are.
+
+    Parameters
+    ----------
+    executor : Executor
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> with ThreadPoolExecutor(1) as pool:
+    ...     is_within(pool), pool.submit(is_within, pool).result()
+    (False, True)
+    """
+    if not isinstance(executor, ThreadPoolExecutor):
+        return False
+    with executor._shutdown_lock:  # a thread may begin before it is listed
+        return threading.current_thread() in executor._threads
+
+
 def workers_of(executor: Executor | None) -> int:
     """Return the number of workers of an executor, a guess where it does not say.
 
     Parameters
     ----------
     executor : Executor or None
-        None: no workers.
+        None: no workers. Nor has the one whose task this is: see :func:`is_within`.
     """
-    if executor is None:
+    if executor is None or is_within(executor):
         return 0
     for name in ("workers", "_max_workers"):
         count = getattr(executor, name, None)
@@ -149,8 +174,9 @@ def completed(
     """Run tasks on an executor and yield them as they are done.
 
     A task whose worker was lost is submitted again, twice at most. Where a
-    ``ProcessPoolExecutor`` broke, :class:`Processes` of our own take over. Exceptions of the
-    function itself are raised. The tasks that are still waiting are cancelled when the iterator
+    ``ProcessPoolExecutor`` broke, :class:`Processes` of our own take over. Tasks of a task of the
+    same threads are done here (:func:`is_within`). Exceptions of the function itself are raised.
+    The tasks that are still waiting are cancelled when the iterator
     is closed.
 
     Parameters
@@ -220,7 +246,10 @@ class _Run(Generic[Key, T]):
     def submit(self, key: Key, argument: Any, attempt: int) -> None:
         """Submit a task, to a pool of our own where the executor's is broken."""
         try:
-            future = self._executor.submit(self._function, argument)
+            if is_within(self._executor):
+                future = _done_here(self._function, argument)
+            else:
+                future = self._executor.submit(self._function, argument)
         except Exception as error:  # those of other packages share no base
             self._replace(error)
             future = self._executor.submit(self._function, argument)
@@ -255,6 +284,15 @@ class _Run(Generic[Key, T]):
             future.cancel()
         if self._own is not None:
             self._own.stop()
+
+
+def _done_here(function: Callable[[Any], T], argument: Any) -> Future[T]:
+    future: Future[T] = Future()
+    try:
+        future.set_result(function(argument))
+    except Exception as error:  # whatever the task raises, as in a worker
+        future.set_exception(error)
+    return future
 
 
 def _means_lost(error: BaseException) -> bool:

@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class _Changed:
-    """What solves under way have changed in this process. Mutable."""
+    """Keep what solves under way have changed in this process. Mutable."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()

@@ -135,3 +135,13 @@ def test_a_deadline_goes_on_in_another_process():
     assert 49.0 < deadline.wall_end - time.monotonic() <= 50.0
     assert 19.0 < deadline.cpu_left <= 20.0
     assert deadline.counts_work and not deadline.over
+
+
+def test_a_task_of_threads_does_its_own_tasks():
+    """Else it would wait for a thread, which is its own."""
+    pool = ThreadPoolExecutor(1)
+    try:
+        tasks = pool.submit(run_on, pool, divmod, [(7, 2), (9, 4)], Deadline())
+        assert tasks.result(5) == ([(3, 1), (2, 1)], "")
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

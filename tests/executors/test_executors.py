@@ -13,7 +13,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 import pytest
 
 from sparsepop_py.errors import ProblemError, SparsePOPError
-from sparsepop_py.executors.dispatch import completed, map_in_order, opened
+from sparsepop_py.executors.dispatch import completed, map_in_order, opened, workers_of
 from sparsepop_py.executors.processes import Processes, WorkerLost
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
@@ -150,3 +150,14 @@ def test_tasks_are_taken_as_they_are_needed() -> None:
 def test_opened_makes_processes_for_more_than_one_worker() -> None:
     with opened(None, None) as none, opened(1, None) as one, opened(2, None) as two:
         assert none is None and one is None and isinstance(two, Processes)
+
+
+def test_a_task_of_threads_does_not_wait_for_others_of_the_same_threads() -> None:
+    """All threads would wait for tasks that none of them is left to do."""
+    pool = ThreadPoolExecutor(1)
+    try:
+        tasks = pool.submit(map_in_order, pool, math.sqrt, [4.0, 9.0])
+        assert tasks.result(5) == [2.0, 3.0]
+        assert pool.submit(workers_of, pool).result(5) == 0 and workers_of(pool) == 1
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
