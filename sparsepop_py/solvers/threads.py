@@ -46,8 +46,8 @@ _changed = _Changed()
 
 
 def _forget() -> None:
-    """Begin anew in a forked process, where no solve is under way; its BLAS keeps one thread."""
-    _changed.silent.close()
+    """Begin anew in a forked process, which has no solve under way."""
+    _changed.silent.close()  # the number of BLAS threads stays: workers have one
     _changed.__init__()  # type: ignore[misc]
 
 
@@ -113,7 +113,7 @@ def _count(libraries: list[Any], more: int) -> None:
 
 
 def _release() -> None:
-    """Let other threads set numbers too, which newer threadpoolctl refuses otherwise."""
+    """Let other threads set numbers too, which newer threadpoolctl refuses."""
     release = getattr(threadpoolctl.OpenBLASController, "clear_controlling_thread", None)
     if release is not None:
         release()
