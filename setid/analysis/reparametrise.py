@@ -24,7 +24,14 @@ from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
-from setid.result.damaged_texts import check_fields, member_of, object_of, refused, texts_of
+from setid.result.damaged_texts import (
+    check_fields,
+    list_of,
+    member_of,
+    object_of,
+    refused,
+    texts_of,
+)
 from setid.result.identification import Identification, least_settled
 from setid.result.json_parts import check_attained, read, write
 from sparsepop_py.io.json_files.certificates import CERTIFICATES
@@ -281,7 +288,7 @@ def _read(found: Any) -> Reparametrisation:
     if not isinstance(physical, Physical):
         raise SetidError(f"physical: found {type(physical).__name__}, expected Physical")
     items = {}
-    for k, item in enumerate(found["intervals"]):
+    for k, item in enumerate(list_of(found["intervals"], "intervals")):
         place = f"intervals[{k}]"
         object_of(item, place, _INTERVAL)
         outer, inner = (read(item[key], f"{place}.{key}") for key in ("outer", "inner"))
@@ -289,7 +296,7 @@ def _read(found: Any) -> Reparametrisation:
         made = ParameterInterval(item["name"], outer, inner, status)
         check_fields(made, place)
         items[made.name] = made
-    points = [_POINT.read(point, "attained") for point in found["attained"]]
+    points = [_POINT.read(point, "attained") for point in list_of(found["attained"], "attained")]
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
     ends = tuple(EndProof(*pair) for pair in zip(proofs, points, strict=True))
     formulation = None

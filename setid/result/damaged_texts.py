@@ -16,7 +16,15 @@ import numpy as np
 from setid.errors import SetidError
 from setid.proofs.evidence import DAMAGE
 
-__all__ = ["check_fields", "member_of", "object_of", "refused", "table_of", "texts_of"]
+__all__ = [
+    "check_fields",
+    "list_of",
+    "member_of",
+    "object_of",
+    "refused",
+    "table_of",
+    "texts_of",
+]
 
 K = TypeVar("K", bound=Enum)
 
@@ -77,6 +85,13 @@ def object_of(found: Any, place: str, keys: Iterable[str] = ()) -> dict[str, Any
     for key in keys:
         if key not in found:
             raise SetidError(f"{place}.{key}: found nothing, expected an entry of that name")
+    return found
+
+
+def list_of(found: Any, place: str) -> list[Any]:
+    """Check a list of JSON."""
+    if type(found) is not list:
+        raise SetidError(f"{place}: found {found!r:.60}, expected a list")
     return found
 
 

@@ -23,6 +23,7 @@ from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.certificate_files import certificate_files
 from setid.result.damaged_texts import (
     check_fields,
+    list_of,
     member_of,
     object_of,
     refused,
@@ -207,7 +208,7 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         raise SetidError(f"data: found {type(data).__name__}, expected IOData")
     model, noise = read(found["model"], "model"), read(found["noise"], "noise")
     shared = dict(known or {})
-    priors = _list(found["priors"], "priors")
+    priors = list_of(found["priors"], "priors")
     texts = [json.dumps(prior, sort_keys=True) for prior in priors]
     for text, prior in zip(texts, priors, strict=True):
         shared[text] = shared[text] if text in shared else read(prior, "priors")
@@ -221,7 +222,7 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
         problem = _stated(formulation, box, driven, found["fingerprint"])
     plain = object_of(found["options"], "options", _PLAIN)
     options = Options(**{name: plain[name] for name in _PLAIN})
-    items = _list(found["intervals"], "intervals")
+    items = list_of(found["intervals"], "intervals")
     made_items = [_interval(item, formulation, f"intervals[{k}]") for k, item in enumerate(items)]
     intervals = FrozenMapping({item.name: item for item in made_items})
     ends = object_of(found["ends"], "ends", _ENDS)
@@ -248,12 +249,6 @@ def _result(found: dict[str, Any], known: Mapping[str, Any] | None = None) -> Id
     )
     check_fields(made, "result")
     return made
-
-
-def _list(found: Any, place: str) -> list[Any]:
-    if type(found) is not list:
-        raise SetidError(f"{place}: found {found!r:.60}, expected a list")
-    return found
 
 
 def _stated(
@@ -299,7 +294,7 @@ def _holdout(
 
 def _interval(found: Any, formulation: Formulation, place: str) -> ParameterInterval:
     object_of(found, place, _INTERVAL)
-    witnesses = _list(found["witnesses"], f"{place}.witnesses")
+    witnesses = list_of(found["witnesses"], f"{place}.witnesses")
     if len(witnesses) != 2:
         raise SetidError(f"{place}.witnesses: found {len(witnesses)}, expected two")
     low, high = (optional(array).read(w, f"{place}.witnesses") for w in witnesses)
@@ -343,9 +338,9 @@ def _proved_again(point: sp.ProvedPoint, problem: sp.Problem) -> sp.ProvedPoint:
 def _results(
     found: dict[str, Any], scaled: InUnits, asked: Sequence[Any], options: Options
 ) -> tuple[sp.Result, ...]:
-    items = _list(found["results"], "ends.results")
+    items = list_of(found["results"], "ends.results")
     proofs = CERTIFICATES.read(found["certificates"], "certificates")
-    attained = _list(found["attained"], "ends.attained")
+    attained = list_of(found["attained"], "ends.attained")
     points = [_POINT.read(p, "attained") for p in attained]
     if not len(items) == len(proofs) == len(points) == len(asked):
         raise SetidError("ends: found numbers of proofs that differ, expected two a parameter")

@@ -36,7 +36,13 @@ class _Changed:
     """Keep what solves under way have changed in this process. Mutable."""
 
     def __init__(self) -> None:
-        self.lock = threading.Lock()
+        self.silent = ExitStack()
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew, in a forked process too, which has no solve under way."""
+        self.silent.close()
+        self.lock = threading.Lock()  # another thread may have held that of the process before
         self.blas: dict[tuple[str, int], tuple[int, int]] = {}  # solves, and threads before them
         self.silent, self.searches = ExitStack(), 0
         self.ignored: set[type[Warning]] = set()
@@ -45,14 +51,8 @@ class _Changed:
 _changed = _Changed()
 
 
-def _forget() -> None:
-    """Begin anew in a forked process, which has no solve under way."""
-    _changed.silent.close()  # the number of BLAS threads stays: workers have one
-    _changed.__init__()  # type: ignore[misc]
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget)
+if hasattr(os, "register_at_fork"):  # the number of BLAS threads stays: workers have one
+    os.register_at_fork(after_in_child=_changed.begin)
 
 
 def while_solving(function: Callable[P, T]) -> Callable[P, T]:

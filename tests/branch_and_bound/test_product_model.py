@@ -140,7 +140,7 @@ def test_propagation_in_doubles_decides_a_variable_of_two_values():
     model = ProductModel.of(problem)
     assert model.two_valued.tolist() == [0, 1]
     assert ProductModel.of(Problem(y, problem.constraints[1:3])).two_valued.size == 0
-    signs = [x * x == 1, y * y <= 1, x * y == 1]
+    signs = [x * x == 1, y * y <= 1, x * y == 1, y * y + x == 1]
     assert ProductModel.of(Problem(y, signs)).two_valued.tolist() == [0]
     sweeps = FloatPropagation(ProductModel.of(Problem(y, [x * x - x == 0]))).sweeps
     low, high, _, _ = sweeps(np.array([0.4, 0.0]), np.ones(2), np.inf, 1)

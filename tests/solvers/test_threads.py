@@ -5,9 +5,12 @@ So have the filters of warnings, and what is remembered holds for threads that s
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from math import sqrt
+from multiprocessing import get_context
 from threading import Event
 from types import SimpleNamespace
 
@@ -15,7 +18,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sparsepop_py as sp
-from sparsepop_py.solvers import cliquetree
+from sparsepop_py.branch_and_bound.workers import run_timed
+from sparsepop_py.solvers import cliquetree, threads
 from sparsepop_py.solvers.threads import silent, while_solving
 
 
@@ -49,6 +53,20 @@ def test_overlapping_calls_give_back_what_the_first_one_found() -> None:
         may_end.set()
         started.result()
         assert blas() == {2}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="workers are not forked here")
+def test_workers_that_are_forked_while_another_thread_counts_can_solve() -> None:
+    """The lock that the other thread holds stays locked in the copy of this process."""
+    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool:
+        with threads._changed.lock:
+            job = pool.submit(run_timed, sqrt, 4.0)
+        processes = list(pool._processes.values())
+        try:
+            assert job.result(30).value == 2.0
+        finally:
+            for process in processes:  # else a test that fails would wait for it
+                process.kill()
 
 
 def test_an_error_gives_the_threads_back() -> None:

@@ -19,7 +19,7 @@ from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch, _RepairOnce
-from sparsepop_py.strategy.turns import TurnsApart
+from sparsepop_py.strategy.turns import Turn, TurnsApart
 
 ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
 
@@ -116,6 +116,21 @@ def test_turns_that_end_before_their_limit_are_taken_here():
     checked(results)
     assert any("the executor failed (LimitReached)" in note for r in results for note in r.notes)
     assert executor.left
+
+
+def test_an_interrupt_in_a_worker_keeps_what_its_turn_has_proved(monkeypatch):
+    """Ctrl-C reaches all processes; the one that began the work ends it."""
+    take, taken = Turn.take, []
+
+    def interrupted(turn):
+        take(turn)
+        taken.append(turn)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Turn, "take", interrupted)
+    results = bounded(Here())
+    checked(results)
+    assert taken and not any("executor failed" in note for r in results for note in r.notes)
 
 
 class Hanging(Here):

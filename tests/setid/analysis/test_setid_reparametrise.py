@@ -181,6 +181,9 @@ def test_words_claim_no_more_than_ends():
     found["reparametrisation"]["intervals"][0]["status"] = "EMPTY"
     with pytest.raises(setid.SetidError):
         setid.Reparametrisation.from_json(json.dumps(found))
+    found["reparametrisation"]["intervals"] = "x"
+    with pytest.raises(setid.SetidError, match="intervals: found 'x', expected a list"):
+        setid.Reparametrisation.from_json(json.dumps(found))
 
 
 def test_certified_ends_are_near_those_that_are_attained():
