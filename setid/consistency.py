@@ -62,7 +62,7 @@ from setid.proofs.least_noise.noise_scale import (
 )
 from setid.proofs.parameter_box import ProvedBox, start_of
 from sparsepop_py.budget import EARLY, Deadline
-from sparsepop_py.solvers.threads import while_solving
+from sparsepop_py.executors.threads import while_solving
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,11 @@ class SolveContext:
     objectives: int = 1
     below: bool = False
     aim: float | None = None
+
+    def for_worker(self) -> SolveContext:
+        """Return a copy for a task of another process or thread, which reports nothing."""
+        options = replace(self.options, executor=None)  # an executor cannot be pickled
+        return replace(self, stages=Stages(), options=options, repair=None)
 
     def report(self, lower: float) -> None:
         """Report a proved lower bound, with the attained value, to whoever watches."""

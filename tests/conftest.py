@@ -7,8 +7,10 @@ import zlib
 from typing import Any
 
 import matplotlib
+import pytest
 from hypothesis import HealthCheck, Phase, settings
 from journeys import Batch, through_json
+from loop_cases import ALL_SPECS
 
 from sparsepop_py.pipeline import final_result
 from sparsepop_py.result import Result
@@ -58,3 +60,12 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
+
+
+@pytest.fixture
+def only_branch(monkeypatch):
+    """Leave only the linear relaxation and branch and bound."""
+    monkeypatch.setattr(
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
+    )

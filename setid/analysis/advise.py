@@ -25,8 +25,8 @@ from setid.html import listing, section
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
+from sparsepop_py.executors.threads import silent
 from sparsepop_py.lp.scaled import solve_scaled
-from sparsepop_py.solvers.threads import silent
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ from setid.proofs.least_noise.least_error import (
     verify_output,
 )
 from sparsepop_py.budget import EARLY
-from sparsepop_py.solvers.threads import while_solving
+from sparsepop_py.executors.threads import while_solving
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box, start_of
 from setid.proofs.verification import verify
 from sparsepop_py.executors.dispatch import map_in_order
-from sparsepop_py.solvers.threads import silent
+from sparsepop_py.executors.threads import silent
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from setid.control.engine import (
 )
 from setid.control.references import complex_numbers
 from setid.control.transfer import Transfer
-from sparsepop_py.solvers.threads import silent
+from sparsepop_py.executors.threads import silent
 
 __all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
 

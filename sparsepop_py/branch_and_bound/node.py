@@ -9,6 +9,7 @@ relaxation does all of it: it bounds the node and tightens its box in turn while
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,7 +106,11 @@ class ProcessedNode:
 
 
 def process_node(
-    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+    context: SolveContext,
+    settings: NodeSettings,
+    box: Interval,
+    cutoff: float | None,
+    executor: Executor | None = None,
 ) -> ProcessedNode:
     """Process one branch-and-bound node: propagate bounds, bound, tighten.
 
@@ -119,19 +124,25 @@ def process_node(
         The box of the node.
     cutoff : float or None
         Objective value above which the node is fathomed; None without an incumbent.
+    executor : concurrent.futures.Executor, optional
+        Solves the relaxations that tighten its box, several at a time.
 
     Returns
     -------
     ProcessedNode
     """
     before = spent()
-    found = _processed(context, settings, box, cutoff)
+    found = _processed(context, settings, box, cutoff, executor)
     spend(BRANCHING.node_work + 1e-6 * context.problem.rows.words.shape[0])
     return replace(found, work=spent() - before)
 
 
 def _processed(
-    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+    context: SolveContext,
+    settings: NodeSettings,
+    box: Interval,
+    cutoff: float | None,
+    executor: Executor | None,
 ) -> ProcessedNode:
     replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
@@ -143,7 +154,7 @@ def _processed(
     if _done(found, cutoff):
         return found
     if settings.obbt_sdp is not None:
-        return _obbt_sdp(context, settings, settings.obbt_sdp, replay, found)
+        return _obbt_sdp(context, settings, settings.obbt_sdp, replay, found, executor)
     with context.stages.stage("branch"):
         found = _linear(context, settings, replay, found)
     if settings.spec is not None and not _done(found, cutoff):
@@ -221,6 +232,7 @@ def _obbt_sdp(
     spec: RelaxationSpec,
     replay: Replay,
     found: ProcessedNode,
+    executor: Executor | None = None,
 ) -> ProcessedNode:
     """Bound a node and tighten its box by one relaxation, in turns while that gains."""
     cutoff = replay.cutoff
@@ -236,7 +248,7 @@ def _obbt_sdp(
         points = () if found.point is None else (found.point,)
         how = (spec, settings.cliques)
         made = tighten_by_relaxation(
-            context, replay, found.box, how, weights, enough, points, settings.room
+            context, replay, found.box, how, weights, enough, points, settings.room, executor
         )
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)

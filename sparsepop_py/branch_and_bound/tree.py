@@ -27,10 +27,9 @@ from numpy.typing import NDArray
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
 from sparsepop_py.branch_and_bound.open_node import OpenNode, certificate_node
 from sparsepop_py.branch_and_bound.settings import BRANCHING
-from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import spend
 from sparsepop_py.context import SolveContext
-from sparsepop_py.progress import Stages
+from sparsepop_py.executors.within_limits import run_on
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import (
@@ -186,13 +185,13 @@ class Search:
         return seen
 
     def _processed(self, nodes: Sequence[_Open], executor: Executor | None) -> list[ProcessedNode]:
-        if executor is None:
+        if executor is None or len(nodes) == 1:  # the relaxations of one node are divided
+            shared = None if self.context.deadline.counts_work else executor
             return [
-                process_node(self.context, self.settings, node.box, self.tree_cutoff)
+                process_node(self.context, self.settings, node.box, self.tree_cutoff, shared)
                 for node in nodes
             ]
-        options = replace(self.context.options, executor=None)  # an executor cannot be pickled
-        lone = replace(self.context, stages=Stages(), options=options, repair=None)
+        lone = self.context.for_worker()
         tasks = [(lone, self.settings, node.box, self.tree_cutoff) for node in nodes]
         found, broken = run_on(executor, _in_worker, tasks, self.context.deadline)
         spend(sum(each.work for each in found if each is not None))  # not counted here so far

@@ -18,11 +18,11 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from sparsepop_py.budget import spend
 from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.executors.threads import silent
 from sparsepop_py.local_search.newton_descent import newton_polish, zeros_of_squares
 from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.solvers.threads import silent
 
 __all__ = ["DENSE_LIMIT", "local_search"]
 

@@ -15,6 +15,7 @@ from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, check_kind, entries_of
+from sparsepop_py.executors.threads import while_solving
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline.arguments import (
     check_callable,
@@ -30,7 +31,6 @@ from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.result import Result
-from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.strategy.independent_parts import independent_parts, search_parts
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,

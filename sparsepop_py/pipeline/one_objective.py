@@ -15,6 +15,7 @@ from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.executors.threads import while_solving
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
 from sparsepop_py.options import Options
@@ -33,7 +34,6 @@ from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Result
-from sparsepop_py.solvers.threads import while_solving
 from sparsepop_py.strategy.linear_tree import box_of_starts, from_convex_minimiser
 from sparsepop_py.strategy.order_loop import run_orders
 from sparsepop_py.strategy.search_state import SearchState, unstarted_state

@@ -13,8 +13,8 @@ import numpy as np
 
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.executors.threads import silent
 from sparsepop_py.solvers.interface import ConicSolver
-from sparsepop_py.solvers.threads import silent
 
 __all__ = ["require", "solve", "solver_of"]
 

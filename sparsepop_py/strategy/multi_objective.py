@@ -269,6 +269,11 @@ class MultiObjectiveSearch:
                 ready.sort(
                     key=lambda i: (taken[i], -self.searches[i].gap_ratio if taken[i] else 0.0)
                 )
+                if len(ready) == 1 and taken[ready[0]] and not apart.running:
+                    (index,) = ready  # its nodes and relaxations go to workers
+                    last[index] = self.model, self.searches[index].context.best
+                    self._run(index, STRATEGY.turn_steps)
+                    continue
                 free = workers_of(self.options.executor) - len(apart.running)
                 # a first turn waits for a worker, so that none waits for what is verified here
                 ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.dispatch import workers_of
+from sparsepop_py.executors.within_limits import run_on
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
-from sparsepop_py.branch_and_bound.workers import Timed, run_on, run_timed
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.executors.references import Packet, References, received
+from sparsepop_py.executors.within_limits import Timed, run_on, run_timed
 from sparsepop_py.local_search.incumbents import adopt_points, update_incumbent
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel

@@ -18,14 +18,20 @@ optimization-based bound tightening, J. Global Optim. 67, 2017.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import BoxBound, bound_box, short_if, solvers_for
 from sparsepop_py.context import SolveContext
+from sparsepop_py.executors.dispatch import workers_of
+from sparsepop_py.executors.within_limits import run_on
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
@@ -40,6 +46,10 @@ from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import Replay, Step, Tightening, shrunk, tighten
 
 __all__ = ["TightenedBox", "tighten_by_relaxation"]
+
+_Task = tuple[
+    SolveContext, Problem, Interval, tuple[RelaxationSpec, Families], NDArray[np.float64] | float
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +83,7 @@ def tighten_by_relaxation(
     enough: float = 0.0,
     points: Sequence[NDArray[np.float64]] = (),
     slack: NDArray[np.float64] | float = 0.0,
+    executor: Executor | None = None,
 ) -> TightenedBox:
     """Run one round of OBBT by a semidefinite relaxation.
 
@@ -92,6 +103,8 @@ def tighten_by_relaxation(
         First moments of relaxations on this box: sides that they touch are left out.
     slack : (n,) float
         Arguments hold on boxes larger by this.
+    executor : concurrent.futures.Executor, optional
+        Solves one relaxation on each worker at a time.
 
     Returns
     -------
@@ -104,25 +117,56 @@ def tighten_by_relaxation(
     def left() -> float:
         return float(np.average(box.width()[moved] / start, weights=weight))
 
-    for v, side in ((v, side) for v in moved for side in (1, -1)):
+    def touched(v: int, side: int) -> bool:
         width, edge = box.hi[v] - box.lo[v], box.lo[v] if side > 0 else box.hi[v]
-        if width <= 0 or any(abs(x[v] - edge) <= OBBT.touched * width for x in seen):
-            continue
-        if context.deadline.over or is_empty(box) or left() < enough:
+        return width <= 0 or any(abs(x[v] - edge) <= OBBT.touched * width for x in seen)
+
+    sides = ((v, side) for v in moved for side in (1, -1) if not touched(v, side))
+    while not (context.deadline.over or is_empty(box) or left() < enough):
+        taken = list(islice(sides, max(1, workers_of(executor))))
+        if not taken:
             break
-        about = replay.about(v, side)
-        found, point = _reached(context, about, box, spec, slack)
-        if point is not None:
-            seen.append(point)
-        if found.node.empty and found.proved.bound == np.inf:
-            return TightenedBox(box, tuple(steps), 0.0, found.node)
-        value, argument = _claimed(found), found.node.argument
-        if isinstance(argument, Identity) and value - side * edge > OBBT.worth * width:
-            bound = np.array([v]), np.array([side]), np.array([value])
-            box, more = _propagated(replay, shrunk(box, *bound))
-            steps += [Tightening(*bound, argument, False), *more]
+        tasks = [(context, replay.about(v, side), box, spec, slack) for v, side in taken]
+        for (v, side), (found, point) in zip(taken, _reached_all(tasks, executor), strict=True):
+            if is_empty(box):
+                break
+            if point is not None:
+                seen.append(point)
+            if found.node.empty and found.proved.bound == np.inf:
+                return TightenedBox(box, tuple(steps), 0.0, found.node)
+            value, argument = _claimed(found), found.node.argument
+            edge, width = box.lo[v] if side > 0 else box.hi[v], box.hi[v] - box.lo[v]
+            if isinstance(argument, Identity) and value - side * edge > OBBT.worth * width:
+                bound = np.array([v]), np.array([side]), np.array([value])
+                box, more = _propagated(replay, shrunk(box, *bound))
+                steps += [Tightening(*bound, argument, False), *more]
     rest = 0.0 if is_empty(box) else left() if moved else 1.0
     return TightenedBox(box, tuple(steps), rest)
+
+
+def _reached_all(
+    tasks: list[_Task], executor: Executor | None
+) -> list[tuple[BoxBound, NDArray[np.float64] | None]]:
+    """Bound several variables on one box, on the executor if there is one."""
+    answers: list[tuple[BoxBound, NDArray[np.float64] | None] | None] = [None] * len(tasks)
+    if executor is not None and len(tasks) > 1:
+        context = tasks[0][0]
+        apart = [(context.for_worker(), *task[1:]) for task in tasks]
+        answers, failure = run_on(executor, _reached_apart, apart, context.deadline)
+        if failure:
+            text = f"the executor failed ({failure}): relaxations are solved in this process"
+            context.stages.note(text, logging.WARNING)
+    return [
+        _reached(*task) if answer is None else answer
+        for task, answer in zip(tasks, answers, strict=True)
+    ]
+
+
+def _reached_apart(*task: Any) -> tuple[BoxBound, NDArray[np.float64] | None]:
+    """Bound a variable in another process or thread, within the limits."""
+    with task[0].deadline.kept():
+        found, point = _reached(*task)
+    return replace(found, solution=None), point
 
 
 def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ...]]:

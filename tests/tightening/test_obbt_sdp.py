@@ -7,6 +7,7 @@ or b that explains it. With a fixed it is a linear program: a grid of a, 1/500 w
 from __future__ import annotations
 
 import functools
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +32,7 @@ from sparsepop_py.tightening import obbt_sdp
 from sparsepop_py.tightening.obbt_sdp import TightenedBox, tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
-from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Tightening, tighten
 
@@ -95,10 +96,10 @@ def below(problem: Problem, cutoff: float) -> Interval:
     return tighten(Replay(problem, cutoff), whole(problem), 1)[0]
 
 
-def one_round(problem: Problem, cutoff: float, **how) -> TightenedBox:
+def one_round(problem: Problem, cutoff: float, stages: Stages | None = None, **how) -> TightenedBox:
     shared_state = shared_state_of(problem)
     assert shared_state.obbt_sdp is not None
-    context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
+    context = SolveContext(problem, Options(effort="auto"), stages or Stages(), Deadline(None))
     weights = dict.fromkeys(shared_state.variables, 1.0)
     spec = (shared_state.obbt_sdp, shared_state.cliques)
     return tighten_by_relaxation(
@@ -194,6 +195,64 @@ def test_time_that_is_over_ends_a_round() -> None:
     spec = (shared_state.obbt_sdp, shared_state.cliques)
     made = tighten_by_relaxation(context, Replay(problem, 1.0), whole(problem), spec, {0: 1.0})
     assert made.steps == () and not is_empty(made.box)
+
+
+class Counting(ThreadPoolExecutor):
+    """Two threads; counts the tasks that are waiting together."""
+
+    def __init__(self, workers: int = 2) -> None:
+        super().__init__(workers)
+        self.tasks = 0
+
+    def submit(self, function, /, *given, **named):
+        self.tasks += 1
+        return super().submit(function, *given, **named)
+
+
+@pytest.mark.parametrize("end", [(0, 1.0), (1, -1.0)])
+def test_workers_tighten_both_sides_of_a_variable_on_one_box(end) -> None:
+    """Each step holds on its own, so that all replay in their order, and no point is lost."""
+    problem = record(*end)
+    cutoff = least(problem) + 0.05
+    with Counting() as executor:
+        made = one_round(problem, cutoff, executor=executor)
+    assert executor.tasks == 2
+    good = np.array([x for x in feasible_points() if problem.objective(x) <= cutoff])
+    assert np.all(good >= made.box.lo - 1e-9) and np.all(good <= made.box.hi + 1e-9)
+    assert made.left < 0.9
+    again = replayed(problem, cutoff, *made.steps)
+    assert np.array_equal(again.lo, made.box.lo) and np.array_equal(again.hi, made.box.hi)
+
+
+@pytest.mark.parametrize("below", [0.02, -0.02])
+def test_workers_refute_what_lies_below_the_least_value_alone(below: float) -> None:
+    problem, shared_state = record(), shared_state_of(record())
+    context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
+    settings = NodeSettings(
+        shared_state.cliques, shared_state.variables, obbt_sdp=shared_state.obbt_sdp
+    )
+    cutoff = least(problem) - below
+    with Counting() as executor:
+        found = process_node(context, settings, whole(problem), cutoff, executor)
+    assert (found.proved.bound >= cutoff) == (below > 0)
+    certificate = certify(
+        Replay(problem, cutoff),
+        Node(BoxProof(found.steps), found.argument, empty=found.empty),
+        found.proved,
+    )
+    assert certificate is not None and certificate.verify(problem).ok
+    assert certificate.bound <= least(problem) + 1e-9
+
+
+def test_a_broken_executor_costs_no_bound() -> None:
+    problem = record()
+    cutoff = least(problem) + 0.05
+    executor, stages = Counting(), Stages()
+    executor.shutdown()
+    with_it = one_round(problem, cutoff, stages, executor=executor)
+    assert executor.tasks == 1
+    assert with_it.left == pytest.approx(one_round(problem, cutoff).left, abs=0.05)
+    assert any("the executor failed (RuntimeError" in note for note in stages.notes)
 
 
 def test_arguments_leave_slack_for_the_rounding_of_a_replay() -> None:

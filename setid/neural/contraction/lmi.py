@@ -38,7 +38,7 @@ from setid.neural.arithmetic import (
 from setid.neural.models.network import Network
 from setid.neural.models.recurrent import Elman, NeuralStateSpace
 from setid.neural.models.regressor import RegressorNetwork
-from sparsepop_py.solvers.threads import silent
+from sparsepop_py.executors.threads import silent
 
 __all__ = ["Lyapunov", "difference_system", "find_lyapunov", "prove_lyapunov", "size_bounds"]
 

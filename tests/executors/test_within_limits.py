@@ -16,8 +16,8 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
-from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.executors.within_limits import run_on
 
 
 class Refusing(Executor):

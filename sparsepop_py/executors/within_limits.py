@@ -1,4 +1,4 @@
-"""Run tasks on a user's executor, which may break, hang or refuse."""
+"""Run tasks on an executor within the limits of a solve; it may break, hang or refuse."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.executors.dispatch import is_within
-from sparsepop_py.solvers.threads import while_solving
+from sparsepop_py.executors.threads import while_solving
 
 __all__ = ["Timed", "run_on", "run_timed"]
 

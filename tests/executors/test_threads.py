@@ -18,9 +18,10 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sparsepop_py as sp
-from sparsepop_py.branch_and_bound.workers import run_timed
-from sparsepop_py.solvers import cliquetree, threads
-from sparsepop_py.solvers.threads import silent, while_solving
+from sparsepop_py.executors import threads
+from sparsepop_py.executors.threads import silent, while_solving
+from sparsepop_py.executors.within_limits import run_timed
+from sparsepop_py.solvers import cliquetree
 
 
 def blas() -> set[int]:
