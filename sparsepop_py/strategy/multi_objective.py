@@ -38,7 +38,7 @@ from sparsepop_py.strategy.search_state import SearchState, state_of
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_box import tighten_for_all
 from sparsepop_py.strategy.shared_state import SharedState
-from sparsepop_py.strategy.turns import Turn, TurnsApart, search_from, search_from_apart
+from sparsepop_py.strategy.turns import AnyTurn, FirstSearch, Turn, TurnsApart
 from sparsepop_py.strategy.working_set import WorkingSetSearch, suits, takes_long
 from sparsepop_py.tightening.mccormick import coordinate_of
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -88,6 +88,8 @@ class MultiObjectiveSearch:
         Structure of the problem, and what was learned on it.
     obbt_done : bool
         Whether linear programs have tightened the shared box.
+    unsearched : set of int
+        Numbers of the objectives whose first local searches are still to come.
     repaired : callable or None
         The repair, done once for each vector.
     """
@@ -110,6 +112,7 @@ class MultiObjectiveSearch:
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
     obbt_done: bool = False
+    unsearched: set[int] = field(default_factory=set)
     repaired: _RepairOnce | None = None
 
     def run(self) -> list[SearchState]:
@@ -122,9 +125,10 @@ class MultiObjectiveSearch:
         """
         self._begin()
         try:
-            self._first_points()
+            self._plan_first_searches()
             if self._parallel:
                 self._turns_apart()
+            self._first_searches()
             turn = 1  # every objective takes its cheapest step before costlier ones are tried
             while not self.over:
                 for index in range(len(self.searches)):
@@ -179,28 +183,32 @@ class MultiObjectiveSearch:
             costs, long = CostModel(), takes_long(self.searches[0])
             self.working_sets = [WorkingSetSearch(search, costs, long) for search in self.searches]
 
-    def _first_points(self) -> None:
-        """Run local searches from the first start that leads to a point."""
-        starts = self.starts
+    def _plan_first_searches(self) -> None:
+        """Choose the objectives that are searched for a point first, and from where."""
         if self.working_sets and self.points:  # these are chosen at minimisers
-            starts = [self.points[0].x]
-        elif not starts or self.points:
-            self._share_points(self.points)
-            return
+            self.starts = [self.points[0].x]
+        elif self.points:
+            self.starts = []
         several = self.shared_state.products.has_star  # then a local search costs little
-        chosen = self.searches if several else self.searches[:1]
-        contexts = [search.context for search in chosen]
-        executor = self.options.executor
-        if several and self._parallel and executor is not None:
-            found = search_from_apart(executor, contexts, starts, self.points)
-        else:
-            found = search_from(contexts, starts, self.points, several)
-        for search, (context, candidates) in zip(chosen, found, strict=True):
-            search.context, search.candidates = context, [*search.candidates, *candidates]
-            best = context.best
-            if best is not None and all(best is not known for known in self.points):
-                self.points.append(best)
+        self.unsearched = set(range(len(self.searches) if several else 1) if self.starts else ())
+        if not (several and self._parallel):
+            self._first_searches()
         self._share_points(self.points)
+
+    def _first_searches(self) -> None:
+        """Run the first local searches that are left, in this process."""
+        known, every = len(self.points), not self.shared_state.products.has_star
+        for index in sorted(self.unsearched):
+            self.unsearched.discard(index)
+            FirstSearch(self.searches[index], self.starts, self.points, every).take()
+            self._keep_point(index)
+        self._share_points(self.points[known:])
+
+    def _keep_point(self, index: int) -> None:
+        """Keep the incumbent of an objective for all others."""
+        best = self.searches[index].context.best
+        if best is not None and all(best is not known for known in self.points):
+            self.points.append(best)
 
     def _tighten(self) -> None:
         """Tighten the shared box by linear programs, once."""
@@ -230,10 +238,8 @@ class MultiObjectiveSearch:
 
     def _share(self, index: int) -> None:
         """Let all objectives have what one has found and proved."""
-        search, known = self.searches[index], len(self.points)
-        if search.context.best is not None and search.context.best not in self.points:
-            self.points.append(search.context.best)
-        self._share_points(self.points[known:])
+        search = self.searches[index]
+        self._share_point(index)
         self._quote(index)
         # a gap that one step has nearly closed may be closed by what others prove
         nearly = search.gap_ratio <= STRATEGY.small_gap_ratio and len(search.history) == 1
@@ -266,9 +272,7 @@ class MultiObjectiveSearch:
         try:
             while not self.over and not apart.failure:
                 ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
-                ready.sort(
-                    key=lambda i: (taken[i], -self.searches[i].gap_ratio if taken[i] else 0.0)
-                )
+                ready.sort(key=lambda i: self._rank(i, taken[i]))
                 if len(ready) == 1 and taken[ready[0]] and not apart.running:
                     (index,) = ready  # its nodes and relaxations go to workers
                     last[index] = self.model, self.searches[index].context.best
@@ -278,10 +282,10 @@ class MultiObjectiveSearch:
                 # a first turn waits for a worker, so that none waits for what is verified here
                 ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])
                 for index in ready[: max(free, 0) + ahead]:
-                    last[index] = self.model, self.searches[index].context.best
-                    steps = STRATEGY.turn_steps if taken[index] else 1
-                    apart.begin(index, self._turn(index, steps))
-                    taken[index] += 1
+                    if index not in self.unsearched:
+                        last[index] = self.model, self.searches[index].context.best
+                        taken[index] += 1
+                    apart.begin(index, self._next_turn(index, taken[index]))
                 if not apart.running:
                     break
                 for index, turn in apart.finished():
@@ -295,23 +299,48 @@ class MultiObjectiveSearch:
 
     def _goes_on(self, index: int, apart: TurnsApart, last: dict[int, tuple[Any, ...]]) -> bool:
         """Check that an objective has something left to try, and no turn under way."""
-        search = self.searches[index]
+        search, other = self.searches[index], self.pairs.get(index, index)
         if search.over or index in apart.objectives:
             return False
+        if index in self.unsearched:
+            return True
+        if other in self.unsearched and not self.searches[other].over:
+            return False  # the width between both is not known yet
         return not search.exhausted or last.get(index) != (self.model, search.context.best)
 
-    def _returned(self, index: int, turn: Turn, apart: TurnsApart) -> None:
+    def _next_turn(self, index: int, number: int) -> AnyTurn:
+        """Choose what an objective does next: its local searches, or its first or a later turn."""
+        if index in self.unsearched:
+            return FirstSearch(self.searches[index], self.starts, self.points)
+        return self._turn(index, 1 if number == 1 else STRATEGY.turn_steps)
+
+    def _rank(self, index: int, taken: int) -> tuple[float, ...]:
+        """Return what objectives are sorted by: searches, first turns, then the largest gaps."""
+        gap = -self.searches[index].gap_ratio if taken else 0.0
+        return (index not in self.unsearched, taken, gap)
+
+    def _returned(self, index: int, turn: AnyTurn, apart: TurnsApart) -> None:
         """Take the search of an objective back and let the others have what it found."""
         self._take_back(index, turn)
+        if isinstance(turn, FirstSearch):
+            self.unsearched.discard(index)
+            self._share_point(index)
+            return
         self._share(index)
         apart.references.keep(*self.model.proof.steps, *self.quoted.values())
 
-    def _take_back(self, index: int, turn: Turn) -> None:
+    def _take_back(self, index: int, turn: AnyTurn) -> None:
         """Take the search of an objective back from another process."""
         turn.search.context = adopt_points(turn.search.context, self.points)
         self.searches[index] = turn.search
         if turn.working_set is not None:
             self.working_sets[index] = turn.working_set
+
+    def _share_point(self, index: int) -> None:
+        """Try the incumbent of an objective on all others."""
+        known = len(self.points)
+        self._keep_point(index)
+        self._share_points(self.points[known:])
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""

@@ -9,7 +9,7 @@ search of its objective to another process and brings it back
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
-from sparsepop_py.context import SolveContext
 from sparsepop_py.executors.references import Packet, References, received
-from sparsepop_py.executors.within_limits import Timed, run_on, run_timed
+from sparsepop_py.executors.within_limits import Timed, run_timed
 from sparsepop_py.local_search.incumbents import adopt_points, update_incumbent
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
@@ -31,7 +30,7 @@ from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.strategy.working_set import WorkingSetSearch
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Turn", "TurnsApart", "search_from", "search_from_apart"]
+__all__ = ["FirstSearch", "Turn", "TurnsApart"]
 
 _PATIENCE = 0.2  # of what was left at the beginning: turns may end so much after the deadline
 
@@ -74,6 +73,38 @@ class Turn:
                 break
 
 
+@dataclass(eq=False)
+class FirstSearch:
+    """Local searches for one objective before its first turn. Mutable.
+
+    Parameters
+    ----------
+    search : AdaptiveSearch
+    starts : list of (n,) float
+    points : list of ProvedPoint
+        Those known at the time are tried, too.
+    every : bool
+        Whether to go on from every start; else the first that leads to a point is the last, since
+        moments of relaxations are better starts than the others.
+    """
+
+    search: AdaptiveSearch
+    starts: list[NDArray[np.float64]]
+    points: list[ProvedPoint]
+    every: bool = False
+    working_set: WorkingSetSearch | None = None
+
+    def take(self) -> None:
+        """Search from one start after the other."""
+        search = self.search
+        search.context = adopt_points(search.context, self.points)
+        for start in self.starts:
+            search.context, found = update_incumbent(search.context, [start])
+            search.candidates = [*search.candidates, *found]
+            if search.context.best is not None and not self.every:
+                break
+
+
 @dataclass(frozen=True)
 class _News:
     """Changes that a turn in another process made to what is shared.
@@ -104,6 +135,9 @@ class _News:
     cut: bool
 
 
+AnyTurn = FirstSearch | Turn
+
+
 @dataclass(eq=False)
 class TurnsApart:
     """Turns in other processes. Mutable.
@@ -126,7 +160,7 @@ class TurnsApart:
     deadline: Deadline
     references: References = field(default_factory=References)
     failure: str = ""
-    running: dict[Future[Timed[bytes]], tuple[int, Turn]] = field(default_factory=dict)
+    running: dict[Future[Timed[bytes]], tuple[int, AnyTurn]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         left = self.deadline.left
@@ -138,7 +172,7 @@ class TurnsApart:
         """Numbers of the objectives whose turns run."""
         return {number for number, _ in self.running.values()}
 
-    def begin(self, number: int, turn: Turn) -> None:
+    def begin(self, number: int, turn: AnyTurn) -> None:
         """Hand a turn of an objective to a worker."""
         search = turn.search
         whole = search.outcome
@@ -157,7 +191,7 @@ class TurnsApart:
         finally:
             search.outcome = whole
 
-    def finished(self) -> Iterator[tuple[int, Turn]]:
+    def finished(self) -> Iterator[tuple[int, AnyTurn]]:
         """Wait for turns to end; yield them with the numbers of their objectives.
 
         Raises
@@ -171,7 +205,7 @@ class TurnsApart:
             raise LimitReached
         yield from self._taken(done)
 
-    def close(self) -> Iterator[tuple[int, Turn]]:
+    def close(self) -> Iterator[tuple[int, AnyTurn]]:
         """Cancel the turns that did not begin, and yield those that have ended.
 
         Others are given up.
@@ -180,7 +214,7 @@ class TurnsApart:
         yield from self._taken(done)
         self.running.clear()
 
-    def _taken(self, done: Iterable[Future[Timed[bytes]]]) -> Iterator[tuple[int, Turn]]:
+    def _taken(self, done: Iterable[Future[Timed[bytes]]]) -> Iterator[tuple[int, AnyTurn]]:
         """Take ended turns one by one: an interrupt leaves the others in place."""
         for job in done:
             number, old = self.running.pop(job)
@@ -195,7 +229,7 @@ class TurnsApart:
     def _live(self, stages: Stages) -> list[Any]:
         return [self.shared_state, self.deadline, stages, *self.costs]
 
-    def _returned(self, old: Turn, answer: bytes) -> Turn:
+    def _returned(self, old: AnyTurn, answer: bytes) -> AnyTurn:
         """Unpack a turn and take over its news."""
         stages = old.search.context.stages
         turn, news = self.references.unpacked(answer, self._live(stages))
@@ -206,7 +240,7 @@ class TurnsApart:
         self.shared_state.estimates.update(news.estimates)
         stages.include(news.seconds, news.notes, news.searched)
         self.deadline.cut |= news.cut
-        found: Turn = turn
+        found: AnyTurn = turn
         if found.search.outcome.relaxation is None:  # nothing was solved
             before = old.search.outcome
             found.search.outcome = replace(
@@ -248,63 +282,3 @@ def _in_worker(packet: Packet) -> bytes:
         deadline.cut,
     )
     return there.answer((turn, news))
-
-
-# ---- first searches -----------------------------------------------------------------------------
-
-_Vectors = list[NDArray[np.float64]]
-
-
-def search_from(
-    contexts: Sequence[SolveContext], starts: _Vectors, points: list[ProvedPoint], first: bool
-) -> Iterator[tuple[SolveContext, _Vectors]]:
-    """Run local searches for one objective after the other, and yield what is found.
-
-    Parameters
-    ----------
-    contexts : sequence of SolveContext
-    starts : list of (n,) float
-    points : list of ProvedPoint
-        Those known at the time are tried on each objective.
-    first : bool
-        Whether the first start that leads to a point ends the search.
-    """
-    for context in contexts:
-        context, candidates = adopt_points(context, points), _Vectors()
-        for start in starts:
-            context, found = update_incumbent(context, [start])
-            candidates += found
-            if first and context.best is not None:
-                break  # moments of relaxations are better starts than the others
-        yield context, candidates
-
-
-def search_from_apart(
-    executor: Executor,
-    contexts: Sequence[SolveContext],
-    starts: _Vectors,
-    points: list[ProvedPoint],
-) -> Iterator[tuple[SolveContext, _Vectors]]:
-    """Run local searches in other processes, one objective each."""
-    tasks = [(context, starts, points) for context in contexts]
-    answers, _ = run_on(executor, _search_in_worker, tasks, contexts[0].deadline)
-    for context, answer in zip(contexts, answers, strict=True):
-        if answer is None:
-            yield context, []  # lost: relaxations bring starts
-            continue
-        best, candidates, seconds, searched = answer
-        context.stages.include(seconds, (), searched)
-        yield replace(context, best=best), candidates
-
-
-_Found = tuple[ProvedPoint | None, _Vectors, dict[str, float], float]
-
-
-def _search_in_worker(context: SolveContext, starts: _Vectors, points: list[ProvedPoint]) -> _Found:
-    candidates = _Vectors()
-    try:
-        with context.deadline.kept():
-            ((context, candidates),) = search_from([context], starts, points, True)
-    except EARLY:
-        pass
-    return context.best, candidates, context.stages.seconds, context.stages.searched
