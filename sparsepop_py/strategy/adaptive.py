@@ -192,6 +192,11 @@ class AdaptiveSearch:
         spec = None if self.over else self._next()
         return self.queue.seconds(spec) if isinstance(spec, RelaxationSpec) else 0.0
 
+    @property
+    def branches(self) -> bool:
+        """True if the next step grows the tree."""
+        return not self.over and self._next() == _BRANCH
+
     def _costly(self, spec: RelaxationSpec | str | None) -> bool:
         """Check that the next step takes long, so that a better incumbent should precede it."""
         if not isinstance(spec, RelaxationSpec):

@@ -197,12 +197,17 @@ class MultiObjectiveSearch:
 
     def _first_searches(self) -> None:
         """Run the first local searches that are left, in this process."""
-        known, every = len(self.points), not self.shared_state.products.has_star
+        known = len(self.points)
         for index in sorted(self.unsearched):
             self.unsearched.discard(index)
-            FirstSearch(self.searches[index], self.starts, self.points, every).take()
+            self._first_search(index).take()
             self._keep_point(index)
         self._share_points(self.points[known:])
+
+    def _first_search(self, index: int) -> FirstSearch:
+        working_set = self.working_sets[index] if self.working_sets else None
+        every = not self.shared_state.products.has_star
+        return FirstSearch(self.searches[index], working_set, self.starts, self.points, every)
 
     def _keep_point(self, index: int) -> None:
         """Keep the incumbent of an objective for all others."""
@@ -273,11 +278,9 @@ class MultiObjectiveSearch:
             while not self.over and not apart.failure:
                 ready = [i for i in range(len(taken)) if self._goes_on(i, apart, last)]
                 ready.sort(key=lambda i: self._rank(i, taken[i]))
-                if len(ready) == 1 and taken[ready[0]] and not apart.running:
-                    (index,) = ready  # its nodes and relaxations go to workers
-                    last[index] = self.model, self.searches[index].context.best
-                    self._run(index, STRATEGY.turn_steps)
-                    continue
+                here = next((i for i in ready if taken[i] and self._is_divided(i)), None)
+                if here is not None:
+                    ready.remove(here)
                 free = workers_of(self.options.executor) - len(apart.running)
                 # a first turn waits for a worker, so that none waits for what is verified here
                 ahead = sum(not taken[index] for index in ready[max(free, 0) : free + 1])
@@ -286,9 +289,12 @@ class MultiObjectiveSearch:
                         last[index] = self.model, self.searches[index].context.best
                         taken[index] += 1
                     apart.begin(index, self._next_turn(index, taken[index]))
-                if not apart.running:
+                if here is not None:
+                    last[here] = self.model, self.searches[here].context.best
+                    self._run(here, 1)
+                elif not apart.running:
                     break
-                for index, turn in apart.finished():
+                for index, turn in apart.finished(here is None):
                     self._returned(index, turn, apart)
         finally:  # what an early end finds done is kept
             for index, turn in apart.close():
@@ -296,6 +302,15 @@ class MultiObjectiveSearch:
         if apart.failure:
             text = f"the executor failed ({apart.failure}): objectives are bounded in this process"
             self.searches[0].context.stages.note(text, logging.WARNING)
+
+    def _is_divided(self, index: int) -> bool:
+        """Check that a tree is grown here, and workers have its nodes and their relaxations.
+
+        Where few objectives are left, workers would soon be idle.
+        """
+        others = sum(not search.over for search in self.searches) - 1
+        few = others <= workers_of(self.options.executor)
+        return few and not self.working_sets and self.searches[index].branches
 
     def _goes_on(self, index: int, apart: TurnsApart, last: dict[int, tuple[Any, ...]]) -> bool:
         """Check that an objective has something left to try, and no turn under way."""
@@ -311,8 +326,10 @@ class MultiObjectiveSearch:
     def _next_turn(self, index: int, number: int) -> AnyTurn:
         """Choose what an objective does next: its local searches, or its first or a later turn."""
         if index in self.unsearched:
-            return FirstSearch(self.searches[index], self.starts, self.points)
-        return self._turn(index, 1 if number == 1 else STRATEGY.turn_steps)
+            return self._first_search(index)
+        turn = self._turn(index, 1 if number == 1 else STRATEGY.turn_steps)
+        turn.returns = not self.working_sets
+        return turn
 
     def _rank(self, index: int, taken: int) -> tuple[float, ...]:
         """Return what objectives are sorted by: searches, first turns, then the largest gaps."""

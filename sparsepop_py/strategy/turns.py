@@ -48,12 +48,15 @@ class Turn:
         The shared box and its proof.
     most : int
         Steps at most.
+    returns : bool
+        Whether it ends before a tree, which may be grown elsewhere, unless that is its first step.
     """
 
     search: AdaptiveSearch
     working_set: WorkingSetSearch | None
     model: Model
     most: int
+    returns: bool = False
 
     def take(self) -> None:
         """Take steps until one leaves more than a share of the gap.
@@ -63,7 +66,9 @@ class Turn:
         """
         search = self.search
         search.restart(self.model)
-        for _ in range(self.most):
+        for number in range(self.most):
+            if number and self.returns and search.branches:
+                break
             gap = search.context.upper - search.bound
             if self.working_set is None or not self.working_set.step():
                 search.run(1)
@@ -80,6 +85,8 @@ class FirstSearch:
     Parameters
     ----------
     search : AdaptiveSearch
+    working_set : WorkingSetSearch or None
+        The search on a working set, which goes and comes with that of the whole.
     starts : list of (n,) float
     points : list of ProvedPoint
         Those known at the time are tried, too.
@@ -89,10 +96,10 @@ class FirstSearch:
     """
 
     search: AdaptiveSearch
+    working_set: WorkingSetSearch | None
     starts: list[NDArray[np.float64]]
     points: list[ProvedPoint]
     every: bool = False
-    working_set: WorkingSetSearch | None = None
 
     def take(self) -> None:
         """Search from one start after the other."""
@@ -191,8 +198,13 @@ class TurnsApart:
         finally:
             search.outcome = whole
 
-    def finished(self) -> Iterator[tuple[int, AnyTurn]]:
+    def finished(self, waits: bool = True) -> Iterator[tuple[int, AnyTurn]]:
         """Wait for turns to end; yield them with the numbers of their objectives.
+
+        Parameters
+        ----------
+        waits : bool
+            Whether to wait until one ends.
 
         Raises
         ------
@@ -200,8 +212,8 @@ class TurnsApart:
             If the deadline ends the work first.
         """
         left = None if self._end is None else max(0.0, self._end - time.monotonic())
-        done, _ = wait(self.running, left, FIRST_COMPLETED)
-        if not done:
+        done, _ = wait(self.running, left if waits else 0.0, FIRST_COMPLETED)
+        if waits and not done:
             raise LimitReached
         yield from self._taken(done)
 

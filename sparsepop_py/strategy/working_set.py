@@ -229,7 +229,7 @@ class WorkingSetSearch:
         self.search.context = replace(
             self.search.context, best=self._incumbent(), unit=context.unit
         )
-        return not self.search.exhausted
+        return not (self.search.exhausted or self.search.over)
 
     @property
     def _in_vain(self) -> bool:

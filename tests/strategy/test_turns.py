@@ -5,11 +5,14 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from math import sqrt
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from loop_cases import ALL_SPECS
 from search_cases import bilinear
+from star_record import ENDS as ENDS_OF_RECORD
+from star_record import least, record
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
@@ -18,6 +21,7 @@ from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
+from sparsepop_py.strategy import multi_objective
 from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch, _RepairOnce
 from sparsepop_py.strategy.turns import Turn, TurnsApart
 
@@ -148,7 +152,7 @@ def closed(results):
 
 @pytest.mark.parametrize("cause", [KeyboardInterrupt, LimitReached])
 def test_turns_that_are_done_when_the_work_ends_are_kept(cause, monkeypatch):
-    def ended(apart):
+    def ended(apart, waits):
         raise cause
 
     monkeypatch.setattr(TurnsApart, "finished", ended)
@@ -254,3 +258,104 @@ def test_cost_models_record_only_for_another_process(monkeypatch):
     models.clear()
     checked(bounded(Here()))
     assert {silent for silent, _ in models} == {True, False}  # those of workers, and this one's
+
+
+# ---- first searches and last trees --------------------------------------------------------------
+
+
+def ends_of_record(executor, **how):
+    """Search for the ends of a and b of the record of test_obbt_sdp, which has a star."""
+    problem = record()
+    objectives = [record(v, s).objective for v in (0, 1) for s in (1.0, -1.0)]
+    options = Options(**{"effort": "auto", "gap_kind": "width", "gap": 1e-3} | how)
+    return sp.solve_each(problem, objectives, options, executor=executor)
+
+
+def checked_record(results):
+    for result, (v, sign) in zip(results, ENDS_OF_RECORD, strict=True):
+        assert result.status is Status.OPTIMAL
+        assert result.certificate.verify(result.problem).ok
+        least_known = least(record(v, sign))
+        assert least_known - 0.01 <= result.lower_bound <= least_known + 1e-9
+
+
+def test_first_turns_begin_once_both_objectives_of_a_pair_were_searched(monkeypatch):
+    begin, begun = TurnsApart.begin, []
+
+    def noted(apart, number, turn):
+        begun.append((number, type(turn).__name__))
+        begin(apart, number, turn)
+
+    monkeypatch.setattr(TurnsApart, "begin", noted)
+    checked_record(ends_of_record(Here()))
+    searched = [number for number, kind in begun if kind == "FirstSearch"]
+    assert sorted(searched) == [0, 1, 2, 3]
+    for number in range(4):
+        first = begun.index((number, "Turn"))
+        assert (number, "FirstSearch") in begun[:first]
+        assert (number ^ 1, "FirstSearch") in begun[:first]
+
+
+def test_searches_on_working_sets_come_back_with_those_of_the_whole(monkeypatch):
+    """Else the whole would never hear of what its set has proved."""
+    returned, known = MultiObjectiveSearch._returned, []
+
+    def noted(self, index, turn, apart):
+        returned(self, index, turn, apart)
+        for each, whole in zip(self.working_sets, self.searches, strict=True):
+            assert each.whole is whole
+        known.append(type(turn).__name__)
+
+    monkeypatch.setattr(MultiObjectiveSearch, "_returned", noted)
+    monkeypatch.setattr(multi_objective, "suits", lambda search: True)
+    checked_record(ends_of_record(Here()))
+    assert set(known) == {"FirstSearch", "Turn"}
+
+
+@pytest.mark.parametrize("tasks", [0, 1, 3])
+def test_first_searches_that_an_executor_refuses_are_done_here(tasks):
+    results = ends_of_record(Here(tasks))
+    checked_record(results)
+    assert any("the executor failed" in note for result in results for note in result.notes)
+
+
+def test_trees_of_the_last_objectives_are_grown_here(monkeypatch):
+    """Workers have their nodes, and the relaxations that tighten these."""
+    executor, here = Here(), []
+    run = MultiObjectiveSearch._run
+
+    def noted(self, index, most):
+        here.append(sum(not search.over for search in self.searches))
+        run(self, index, most)
+
+    monkeypatch.setattr(MultiObjectiveSearch, "_run", noted)
+    skipped = ("linear", "split", "mixed", "full", "obbt_lp")
+    results = ends_of_record(executor, skip=skipped, gap=1e-6)
+    checked_record(results)
+    assert here and max(here) <= 1 + executor.workers
+
+
+def test_a_turn_elsewhere_ends_before_a_tree_begins():
+    steps = []
+    search = SimpleNamespace(
+        context=SimpleNamespace(upper=1.0),
+        bound=0.0,
+        gap_ratio=5.0,
+        over=False,
+        branches=False,
+        restart=lambda model: None,
+    )
+
+    def run(most):
+        steps.append(most)
+        search.bound += 0.6 * (1.0 - search.bound)
+        search.branches = len(steps) == 2
+
+    search.run = run
+    Turn(search, None, None, 5, returns=True).take()
+    assert len(steps) == 2
+    Turn(search, None, None, 2, returns=True).take()  # where it is the first step it is taken
+    assert len(steps) == 4
+    search.bound = 0.0
+    Turn(search, None, None, 3).take()
+    assert len(steps) == 7
