@@ -250,6 +250,8 @@ class _Run(Generic[Key, T]):
                 future = _done_here(self._function, argument)
             else:
                 future = self._executor.submit(self._function, argument)
+        except ProblemError:  # the task, not the executor
+            raise
         except Exception as error:  # those of other packages share no base
             self._replace(error)
             future = self._executor.submit(self._function, argument)

@@ -18,6 +18,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from typing import Any, ParamSpec, TypeVar
+from weakref import WeakSet
 
 from sparsepop_py.errors import ProblemError
 
@@ -31,6 +32,19 @@ _BOOT = (
     "from sparsepop_py.executors.worker import serve; serve()"
 )
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+_POOLS: WeakSet[Processes] = WeakSet()
+
+
+def _begin_anew() -> None:
+    """Leave the processes to the process that forked this one: two cannot serve one pipe."""
+    for pool in _POOLS:
+        pool._begin()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 class WorkerLost(BrokenExecutor):
@@ -65,10 +79,15 @@ class Processes(Executor):
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise ProblemError(f"workers: found {workers!r}, expected an integer >= 1")
         self.workers = count
+        self._closed = self._stopped = False
+        self._begin()
+        _POOLS.add(self)
+
+    def _begin(self) -> None:
+        """Begin without processes, in a forked process too, which has none of the threads."""
         self._tasks: queue.SimpleQueue[_Task | None] = queue.SimpleQueue()
         self._running: dict[int, subprocess.Popen[bytes]] = {}
-        self._closed = self._stopped = False
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # another thread may have held that of the process before
         self._threads: list[threading.Thread] = []
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
@@ -85,8 +104,14 @@ class Processes(Executor):
         -------
         Future
             It raises :class:`WorkerLost` where the process ended before the task.
+
+        Raises
+        ------
+        ProblemError
+            If the function or an argument cannot be pickled.
         """
         future: Future[T] = Future()
+        task = _Task(future, _pickled(fn, args, kwargs))
         with self._lock:
             if self._closed:
                 raise RuntimeError("Processes: found a task after shutdown")
@@ -94,7 +119,7 @@ class Processes(Executor):
                 thread = threading.Thread(target=self._serve, daemon=True)
                 self._threads.append(thread)
                 thread.start()
-        self._tasks.put(_Task(future, pickle.dumps((fn, args, kwargs), 5)))
+            self._tasks.put(task)  # before a shutdown that begins now
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -137,8 +162,8 @@ class Processes(Executor):
                 task = self._tasks.get_nowait()
             except queue.Empty:
                 return
-            if task is not None:
-                task.future.cancel()
+            if task is not None and task.future.cancel():
+                task.future.set_running_or_notify_cancel()  # who waits for several hears of it
 
     def _serve(self) -> None:
         """Give one process its tasks; start a new one where it was lost."""
@@ -205,6 +230,16 @@ class _Task:
             self.future.set_result(content)
         else:
             self.future.set_exception(content)
+
+
+def _pickled(function: Callable[..., Any], arguments: Any, named: Any) -> bytes:
+    try:
+        return pickle.dumps((function, arguments, named), 5)
+    except Exception as error:  # pickle has several for what it cannot store
+        raise ProblemError(
+            f"executor: found a task that cannot be pickled ({error}), expected functions of "
+            "importable modules and data that pickle"
+        ) from error
 
 
 def _send(process: subprocess.Popen[bytes], value: Any) -> None:

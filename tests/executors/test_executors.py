@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from multiprocessing import get_context
+from threading import Lock, Thread
 
 import pytest
 
@@ -161,3 +163,67 @@ def test_a_task_of_threads_does_not_wait_for_others_of_the_same_threads() -> Non
         assert pool.submit(workers_of, pool).result(5) == 0 and workers_of(pool) == 1
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+def test_a_shutdown_does_not_come_between_a_task_and_its_queue() -> None:
+    class Closing:
+        """Lock of a pool that another thread shuts down when a task has been taken."""
+
+        def __init__(self) -> None:
+            self.lock, self.closed = Lock(), False
+
+        def __enter__(self) -> None:
+            self.lock.acquire()
+
+        def __exit__(self, *raised: object) -> None:
+            self.lock.release()
+            if not self.closed:
+                self.closed = True
+                pool.shutdown(wait=False)
+
+    pool = Processes(1)
+    pool._lock = Closing()  # type: ignore[assignment]
+    assert pool.submit(math.sqrt, 4.0).result(30) == 2.0
+
+
+def test_who_waits_for_tasks_hears_that_they_are_cancelled() -> None:
+    pool = Processes(1)
+    pool.submit(time.sleep, 60)
+    waiting = Thread(target=wait, args=([pool.submit(math.sqrt, 4.0)],), daemon=True)
+    waiting.start()
+    time.sleep(0.1)
+    pool.stop()
+    waiting.join(10)
+    assert not waiting.is_alive()
+
+
+def test_tasks_that_cannot_be_pickled_are_named() -> None:
+    with Processes(1) as pool:
+        for function, argument in ((lambda x: x, 1.0), (math.sqrt, Lock())):
+            with pytest.raises(ProblemError, match="executor: found a task that cannot be pickled"):
+                map_in_order(pool, function, [argument])
+
+
+def in_a_forked_process() -> float:
+    root = INHERITED[0].submit(math.sqrt, 4.0).result(30)
+    INHERITED[0].shutdown()
+    return root
+
+
+INHERITED: list[Processes] = []
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
+def test_a_forked_process_has_processes_of_its_own() -> None:
+    """Threads that serve those of the first process are not there."""
+    with Processes(1) as pool, ProcessPoolExecutor(1, mp_context=get_context("fork")) as forked:
+        first = pool.submit(os.getpid).result()
+        INHERITED[:] = [pool]
+        job = forked.submit(in_a_forked_process)
+        processes = list(forked._processes.values())
+        try:
+            assert job.result(30) == 2.0
+        finally:
+            for process in processes:  # else a test that fails would wait for it
+                process.kill()
+        assert pool.submit(os.getpid).result() == first
