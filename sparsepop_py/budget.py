@@ -33,8 +33,9 @@ __all__ = [
     "LimitReached",
     "before_check",
     "charge",
-    "cpu_seconds",
     "check",
+    "counting_from",
+    "cpu_seconds",
     "pace",
     "spend",
     "spent",
@@ -69,6 +70,24 @@ def spend(work: float) -> None:
 def spent() -> float:
     """Return the work that was counted in this thread so far."""
     return _METER.total
+
+
+@contextmanager
+def counting_from(total: float) -> Iterator[None]:
+    """Count from another thread's work within the body of a with statement; then forget it.
+
+    A deadline that a task shares with that thread has then as much work left as there.
+
+    Parameters
+    ----------
+    total : float
+        What :func:`spent` returned there.
+    """
+    before, _METER.total = _METER.total, total
+    try:
+        yield
+    finally:
+        _METER.total = before
 
 
 class LimitReached(Exception):

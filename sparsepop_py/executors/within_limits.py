@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, TypeVar
 
-from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.budget import Deadline, LimitReached, counting_from, spent
 from sparsepop_py.executors.dispatch import is_within
 from sparsepop_py.executors.threads import while_solving
 
@@ -29,6 +30,8 @@ def run_on(
     """Run tasks on an executor and collect what it returns before it breaks.
 
     Tasks of a task of the same threads are done here, since waiting for them might never end.
+    Work that they spend is not counted in this thread, wherever they are done: what they return
+    may tell it.
 
     Parameters
     ----------
@@ -50,6 +53,7 @@ def run_on(
     LimitReached
         If the deadline ends the work first.
     """
+    work = _Counted(work, spent())
     if is_within(executor):
         return [work(*task) for task in tasks], ""
     found: list[Result | None] = [None] * len(tasks)
@@ -75,6 +79,22 @@ def run_on(
         for job in jobs:
             job.cancel()
     return found, failure
+
+
+@dataclass(frozen=True, eq=False)
+class _Counted(Generic[Result]):
+    """Task that counts its work from that of the thread which asks for it."""
+
+    work: Callable[..., Result]
+    spent: float
+
+    def __call__(self, *arguments: Any) -> Result:
+        with counting_from(self.spent):
+            return self.work(*arguments)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave that out in another process: deadlines bring what is left of them."""
+        return partial, (self.work,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
-from sparsepop_py.budget import Deadline, LimitReached
+from sparsepop_py.budget import Deadline, LimitReached, spend, spent
 from sparsepop_py.executors.within_limits import run_on
 
 
@@ -145,3 +145,31 @@ def test_a_task_of_threads_does_its_own_tasks():
         assert tasks.result(5) == ([(3, 1), (2, 1)], "")
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+def is_over(deadline: Deadline) -> bool:
+    spend(0.25)
+    return deadline.over
+
+
+@pytest.mark.parametrize(("here", "there"), [(9.0, 0.0), (0.0, 99.0)])
+def test_a_work_limit_is_that_of_the_thread_which_asks(here: float, there: float) -> None:
+    """Threads have counted other work before, and so has the one that asks."""
+    spend(here)
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(spend, there).result()
+        for limit, over in ((0.5, False), (0.2, True)):
+            deadline = Deadline(None, work_limit=limit)
+            assert run_on(pool, is_over, [(deadline,)], deadline) == ([over], "")
+
+
+def test_work_of_tasks_within_a_pool_is_not_counted_twice() -> None:
+    """Callers count what tasks tell of their work, as they do for other processes."""
+
+    def within() -> tuple[list[bool | None], float]:
+        begin, deadline = spent(), Deadline(None, work_limit=0.5)
+        found, _ = run_on(pool, is_over, 3 * [(deadline,)], deadline)
+        return found, spent() - begin
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(within).result(30) == ([False, False, False], 0.0)
