@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError, warns_once
@@ -221,6 +222,7 @@ class _Question:
         samples: Samples = (),
     ) -> Consistency:
         """State what was found, with the parameters of the witness."""
+        witness = None if witness is None else frozen(witness)
         return Consistency(
             scale=scale,
             theta=None if witness is None else witness[: len(formulation.parameters)],

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import TOO_LARGE, TOO_LONG
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -73,7 +74,7 @@ _MESSAGES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Point(ReadOnly):
     """Nearly feasible vector, shown with its violation; nothing proved rests on it.
 
     Parameters
@@ -165,7 +166,7 @@ def gap_of(result: Summarised) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Summarised):
+class Result(Summarised, ReadOnly):
     """Result of :func:`sparsepop_py.solve`.
 
     Parameters

@@ -25,6 +25,7 @@ from setid.html import listing, section
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Structure
 from setid.simulation.simulate import simulate
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.executors.threads import silent
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -500,7 +501,7 @@ def _on_noise(found: Advice, count: int, own: bool) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Excitation:
+class Excitation(ReadOnly):
     """Widths of intervals to expect from a planned input.
 
     Parameters

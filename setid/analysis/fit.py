@@ -35,6 +35,7 @@ from setid.proofs.least_noise.least_error import (
     output_bound,
     verify_output,
 )
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import EARLY
 from sparsepop_py.executors.threads import while_solving
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -55,7 +56,7 @@ _GAPS = (
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Fit:
+class Fit(ReadOnly):
     """Parameters of a small error, and the bound below which no parameters come.
 
     Parameters

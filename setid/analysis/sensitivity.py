@@ -38,6 +38,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.proofs.parameter_box import start_of
 from setid.result.identification import Identification
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -52,7 +53,7 @@ _SIGN = {1: "+", -1: "-", 0: "?"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Sensitivity:
+class Sensitivity(ReadOnly):
     """Intervals and signs for several factors on all noise bounds.
 
     Parameters

@@ -26,6 +26,7 @@ from setid.models.equations import channel_of
 from setid.models.maps import StaticMap
 from setid.proofs.block_bands import map_deviation, map_ends, map_slopes, simulated_ends
 from setid.proofs.existence import proved_point
+from sparsepop_py.algebra.read_only import ReadOnly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +38,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StaticBand:
+class StaticBand(ReadOnly):
     """Ranges of a static map at given arguments.
 
     Parameters
@@ -84,7 +85,7 @@ class StaticBand:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SignalBand:
+class SignalBand(ReadOnly):
     """Ranges of an internal signal, arrays of shape (N,), NaN where it has no value.
 
     Parameters

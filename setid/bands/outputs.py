@@ -35,6 +35,7 @@ from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.proofs.predictions import predicted_ranges
 from setid.proofs.supports import HalfSpaces
 from setid.simulation.responses import run
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 
@@ -43,7 +44,7 @@ Mode = Literal["simulation", "prediction"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutputBand:
+class OutputBand(ReadOnly):
     """Outputs over a record for the feasible parameter set.
 
     Parameters
@@ -147,7 +148,7 @@ class OutputBand:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class Comparison(ReadOnly):
     """Fit of the nominal model to a record, with the band of all consistent models.
 
     Parameters

@@ -12,6 +12,7 @@ from setid.data.checks import frozen, parameters_of
 from setid.feasible_points.members import nominal
 from setid.feasible_set.coordinates import coordinates_of
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from sparsepop_py.algebra.read_only import ReadOnly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Residuals:
+class Residuals(ReadOnly):
     """One-step residuals of a parameter vector against the noise that explains them.
 
     Parameters

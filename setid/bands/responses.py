@@ -30,6 +30,7 @@ from setid.proofs.frequency.arc_regions import ArcRegions, families_of
 from setid.proofs.frequency.regions import frequency_regions, rounding_of
 from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ _TOLERANCE = 0.1  # share of the members' range that these may reach beyond it o
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrequencyBand:
+class FrequencyBand(ReadOnly):
     """Magnitude and phase of one transfer function over the feasible parameter set.
 
     Parameters

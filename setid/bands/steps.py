@@ -22,6 +22,7 @@ from setid.models.lti import TransferFunction
 from setid.proofs.time_bands.enclosures import Experiment
 from setid.proofs.time_bands.rows import OutputRow, transfer_row
 from setid.simulation.simulate import simulate
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StepBand:
+class StepBand(ReadOnly):
     """Response of the plant to a unit step from rest over the feasible parameter set.
 
     Parameters

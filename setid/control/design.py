@@ -52,6 +52,7 @@ from setid.control.references import (
 from setid.control.transfer import Transfer, as_transfer, simulate_exactly
 from setid.minimum_noise.conflicting_samples import samples_listed
 from setid.priors.stability import rounded_up
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import Deadline, LimitReached
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class Refuted:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Design:
+class Design(ReadOnly):
     """All controllers of a class that are consistent with an experiment and a reference model.
 
     Parameters

@@ -16,6 +16,7 @@ from setid.control.certificates.small_gain import lags_of
 from setid.control.certificates.stored import plants_of
 from setid.control.engine import SetidError, Verification, as_verdict, frozen, natural
 from setid.control.parameters.parameter_set import ParameterSet
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["LoopMargins", "LoopStep", "loop_margins", "loop_step"]
 
@@ -61,7 +62,7 @@ class LoopMargins:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoopStep:
+class LoopStep(ReadOnly):
     """Step responses of the closed loops with every consistent plant.
 
     Parameters

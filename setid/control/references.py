@@ -27,6 +27,7 @@ from setid.control.transfer import (
     simulate_exactly,
     times,
 )
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Matching", "check_matching", "ideal_controller", "reference_model", "target_signal"]
 
@@ -148,7 +149,7 @@ def ideal_controller(P: Any, M: Any) -> Transfer:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matching:
+class Matching(ReadOnly):
     """Distance of a closed loop from its reference model, and its stability.
 
     Parameters

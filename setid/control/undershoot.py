@@ -27,6 +27,7 @@ from setid.control.engine import (
 )
 from setid.control.transfer import samples_of
 from setid.data.digits import all_digits
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Undershoot", "undershoot"]
@@ -38,7 +39,7 @@ _GRID = 1.0 + np.geomspace(1e-3, 99.0, 400)  # numbers z > 1 at which the sign i
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Undershoot:
+class Undershoot(ReadOnly):
     """Proof of undershoot and of real zeros outside the unit circle.
 
     Parameters

@@ -17,6 +17,7 @@ from setid.data.checks import entries_of, frozen, number, real_array, switch, wo
 from setid.data.digits import all_digits
 from setid.data.record import IOData
 from setid.errors import NoiseError
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = [
     "EnergyBound",
@@ -51,7 +52,7 @@ GROUPS = {"output": "eta", "input": "xi", "equation": "e"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EstimatedBound:
+class EstimatedBound(ReadOnly):
     """A noise bound that was read off data, which makes it an assumption.
 
     Parameters
@@ -102,7 +103,7 @@ class NoiseBounds(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class Noise:
+class Noise(ReadOnly):
     """Bounded noise: measured output = output + eta, measured input = input + xi.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from setid.data.channels import labels, names_of, text_of, units_of
 from setid.data.checks import (
     channels_of,
     entries_of,
-    frozen,
     natural,
     number,
     range_of,
@@ -28,6 +27,7 @@ from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
 from setid.errors import DataError, warn
 from setid.html import listing, section, table
+from sparsepop_py.algebra.read_only import ReadOnly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +36,7 @@ __all__ = ["IOData"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
-class IOData:
+class IOData(ReadOnly):
     """One or several records of the same system, sampled at the same rate.
 
     Parameters
@@ -149,12 +149,6 @@ class IOData:
             )
         for channel in _constant_channels(inputs):
             warn(f"u: input {channel + 1} is constant; it excites only the static gain")
-
-    def __setstate__(self, state: list[Any]) -> None:
-        """Fill a copy or an unpickled record, whose arrays NumPy makes writable."""
-        for field, value in zip(fields(self), state, strict=True):
-            kept = frozen(value) if isinstance(value, np.ndarray) else value
-            object.__setattr__(self, field.name, kept)
 
     # ---- shape --------------------------------------------------------------------------
 

@@ -21,6 +21,7 @@ from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.checked_structures import coefficients_of
 from setid.models.continuous import INDIRECT_WARNING
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["ContinuousEstimate", "to_continuous"]
 
@@ -29,7 +30,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContinuousEstimate:
+class ContinuousEstimate(ReadOnly):
     """Physical coefficients of sampled members of a discrete model set.
 
     Parameters

@@ -24,6 +24,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid, transfer_of
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
@@ -33,7 +34,7 @@ _MORE = 1.0 + 1e-14  # more than what differences, sizes and quotients are round
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ControlModels:
+class ControlModels(ReadOnly):
     """Models of python-control that stand for an identified system.
 
     Parameters

@@ -32,6 +32,7 @@ from setid.feasible_points.modelled_outputs import (
 )
 from setid.feasible_points.witness import consistent
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["BestMember", "Goal", "best"]
 
@@ -48,7 +49,7 @@ _HUGE = 1e100  # stands for errors that overflow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BestMember(NamedVector):
+class BestMember(NamedVector, ReadOnly):
     """A consistent parameter vector, chosen by how well it simulates or predicts.
 
     Parameters

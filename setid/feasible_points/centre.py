@@ -22,6 +22,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import Deadline, LimitReached, check
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -31,7 +32,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Central:
+class Central(ReadOnly):
     """The centre of the outer box: least worst-case error of each parameter by itself.
 
     Parameters

@@ -18,6 +18,7 @@ from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.formulation.regression import Regression, regression_of_data
 from setid.models.equations import Structure
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.lp.scaled import solve_scaled
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
@@ -44,7 +45,7 @@ class NamedVector:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Estimate(NamedVector):
+class Estimate(NamedVector, ReadOnly):
     """A parameter vector and what it minimises.
 
     Parameters

@@ -16,6 +16,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.formulation.completion import (
     Affine,
@@ -30,6 +31,7 @@ from setid.formulation.completion import (
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
 from setid.proofs.existence import admitted, proved_point
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["Witness", "consistent", "least_noise"]
@@ -39,7 +41,7 @@ _SETTLED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Witness:
+class Witness(ReadOnly):
     """Noise that makes parameters consistent with the data.
 
     Parameters
@@ -124,13 +126,13 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
             break
         x[free], level = found
         if rows.exact:
-            return Witness(x, level)
+            return Witness(frozen(x), level)
         if abs(level - before) <= _SETTLED * (1.0 + level):
             x = polished(formulation, x, free)
-            return Witness(x, level if _holds(formulation, x) else inf)
+            return Witness(frozen(x), level if _holds(formulation, x) else inf)
         before = level
     x[free] = np.nan
-    return Witness(x, inf)
+    return Witness(frozen(x), inf)
 
 
 def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:

@@ -22,6 +22,7 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.narrowing import solved_heights
 from setid.feasible_set.supports import cover_of, supports
 from setid.proofs.supports import Cover
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.lp.scaled import solve_scaled
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _FLAT = 1e-7  # share of the box by which a vertex must stand out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Projection:
+class Projection(ReadOnly):
     """Outline of the feasible parameter set on two parameters.
 
     Parameters

@@ -39,6 +39,7 @@ from setid.priors.checked_priors import (
     stable_of,
     unknowns_of,
 )
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.problem.rounding import Rounding, rounding_of
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
@@ -46,7 +47,7 @@ __all__ = ["Built", "Rows", "build", "check_rows_of_priors"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class Rows(ReadOnly):
     """Origin of each constraint of the problem, in arrays of shape (m,).
 
     Parameters

@@ -18,12 +18,13 @@ import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.record import IOData
 from setid.errors import SetidError
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Layout", "LayoutBuilder"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class Layout(ReadOnly):
     """Names and numbers of all variables.
 
     Parameters

@@ -10,6 +10,7 @@ from math import inf, isnan
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["IntervalStatus", "ParameterInterval", "overstated"]
@@ -54,7 +55,7 @@ _MESSAGES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ParameterInterval:
+class ParameterInterval(ReadOnly):
     """The uncertainty interval of one parameter.
 
     Parameters

@@ -17,12 +17,13 @@ from setid.models.checked_structures import check_structure, equations_of
 from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Equation, Structure, channel_of
 from setid.simulation.recursions import solve_equations
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Simulated", "in_order", "simulate", "simulate_record"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Simulated:
+class Simulated(ReadOnly):
     """A record with everything that a real one hides.
 
     Parameters

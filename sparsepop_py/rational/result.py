@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.result import HistoryEntry, Result, Status, Summarised, claims_of, gap_of
@@ -56,7 +57,7 @@ def attained_value(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RationalResult(Summarised):
+class RationalResult(Summarised, ReadOnly):
     """Result of :func:`sparsepop_py.solve` for a problem with ratios.
 
     Parameters

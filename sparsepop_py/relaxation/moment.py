@@ -42,6 +42,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError, check_kind, shown
 from sparsepop_py.problem import generators
@@ -67,7 +68,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class Relaxation:
+class Relaxation(ReadOnly):
     """Moment relaxation without objective.
 
     Parameters

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity.chordal import (
@@ -54,7 +55,7 @@ Joined = Literal["constraints", "monomials", "partners"]
 
 
 @dataclass(frozen=True, eq=False)
-class Cliques:
+class Cliques(ReadOnly):
     """Maximal cliques of a chordal extension, with the homes of constraints and variables.
 
     Parameters

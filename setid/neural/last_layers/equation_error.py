@@ -20,6 +20,7 @@ from setid.neural.arithmetic import (
 from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
 from setid.neural.status import Status, agreed
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
@@ -28,7 +29,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class EquationError:
+class EquationError(ReadOnly):
     """The largest one-step error of a network on a record, enclosed.
 
     Parameters

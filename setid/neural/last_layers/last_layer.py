@@ -63,6 +63,7 @@ from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed, same_intervals
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
@@ -74,7 +75,7 @@ _SHIFTS = (1e-9, 1e-7, 1e-5, 1e-3)  # towards the inside, tried until vertices a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutputSet:
+class OutputSet(ReadOnly):
     """Proved and attained statements on the last layer of one output.
 
     Parameters
@@ -112,7 +113,7 @@ class OutputSet:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LayerBand:
+class LayerBand(ReadOnly):
     """Proved one-step band of all members of a last layer, on some record.
 
     Parameters

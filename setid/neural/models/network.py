@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid import ModelError
 from setid.data.checks import entries_of, number, without_mask, word
 from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Network", "affine", "finite_array"]
 
@@ -56,7 +57,7 @@ def affine(weight: Reals, bias: Reals, x: Interval) -> Interval:
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class Network:
+class Network(ReadOnly):
     """N(x) = phi_L(W_L ... phi_1(W_1 x + b_1) ... + b_L), the last phi being the identity.
 
     Parameters

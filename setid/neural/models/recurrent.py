@@ -14,6 +14,7 @@ from setid.data.checks import entries_of, word
 from setid.neural.arithmetic import ACTIVATIONS, activate
 from setid.neural.models.network import Network, finite_array, slope_of
 from setid.neural.models.regressor import check_record
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["GRU", "LSTM", "Elman", "NeuralStateSpace", "StateNetwork"]
 
@@ -123,7 +124,7 @@ def _count(*arrays: Reals) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class Elman(StateNetwork):
+class Elman(StateNetwork, ReadOnly):
     """h^i_t = phi(W_i x^i_t + V_i h^i_{t-1} + b_i), x^1 = u, x^i = h^{i-1}_t; y_t = W h_t + b.
 
     Parameters
@@ -292,7 +293,7 @@ class NeuralStateSpace(StateNetwork):
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class LSTM(StateNetwork):
+class LSTM(StateNetwork, ReadOnly):
     """Long short-term memory: gates f, i, o and candidate c~, all products elementwise.
 
     f, i, o = sigmoid(W [h_{t-1}, u_t] + b), c~ = tanh(W_c [h_{t-1}, u_t] + b_c),
@@ -379,7 +380,7 @@ class LSTM(StateNetwork):
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class GRU(StateNetwork):
+class GRU(StateNetwork, ReadOnly):
     """Gated recurrent unit: gates z and r, h_t = (1 - z) h_{t-1} + z h~, elementwise.
 
     z, r = sigmoid(W u_t + U h_{t-1} + b) and, with ``reset="before"`` the product with U,

@@ -38,6 +38,7 @@ from setid.neural.simulations.forms import Form
 from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
 from setid.neural.status import Status, agreed
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["OutputError", "output_error"]
@@ -48,7 +49,7 @@ _MOST = 4  # open dimensions of the initial state
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class OutputError:
+class OutputError(ReadOnly):
     """Least bound of the output noise under which a network explains a record.
 
     Parameters

@@ -40,6 +40,7 @@ from setid.neural.simulations.forms import (
 )
 from setid.neural.status import Status, agreed
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["SimulationBand", "initial_box", "run_forms", "simulate_band"]
 
@@ -51,7 +52,7 @@ _HUGE = 1e8  # width of a state at which the simulation stops being followed
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SimulationBand:
+class SimulationBand(ReadOnly):
     """Outputs of a network in simulation, enclosed for every initial state in a box.
 
     Parameters

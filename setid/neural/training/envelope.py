@@ -16,6 +16,7 @@ from setid.data.checks import natural, number, word
 from setid.neural.arithmetic import Interval, enclose, slope_at, up
 from setid.neural.status import agreed
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Envelope", "envelope"]
@@ -27,7 +28,7 @@ _HIGHEST = 100  # degree
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Envelope:
+class Envelope(ReadOnly):
     """Polynomials p_i with abs(activation(a) - p_i(a - centre_i)) <= eps on each piece.
 
     Parameters

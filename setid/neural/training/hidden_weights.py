@@ -49,6 +49,7 @@ from setid.neural.training.smooth_weights import (
 )
 from setid.neural.training.structure import has_hidden_layer, hidden_layer
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["HiddenWeights", "SignChoice", "hidden_weights"]
 
@@ -60,7 +61,7 @@ _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between i
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SignChoice:
+class SignChoice(ReadOnly):
     """All networks with one choice of output signs that explain a record.
 
     Parameters

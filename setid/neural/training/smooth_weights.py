@@ -33,6 +33,7 @@ from setid.neural.training.smooth_members import MemberSearch
 from setid.neural.training.structure import has_hidden_layer
 from setid.neural.training.weight_boxes import WeightProgram
 from setid.proofs.evidence import as_verdict
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["SMOOTH", "SmoothHiddenWeights", "WeightStep", "interval_of", "smooth_hidden_weights"]
@@ -78,7 +79,7 @@ class WeightStep:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SmoothHiddenWeights:
+class SmoothHiddenWeights(ReadOnly):
     """Intervals of the weights of all smooth networks of one structure that explain a record.
 
     Parameters

@@ -19,6 +19,7 @@ from setid.neural.models.regressor import NNARX, NNOE, RegressorNetwork, regress
 from setid.neural.status import Status
 from setid.neural.training.parameters import flatten, unflatten
 from setid.neural.training.shooting import by_ipopt, by_jax_sysid
+from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = ["Trained", "initial", "train"]
 
@@ -29,7 +30,7 @@ _MOST = 10**9  # starts, and steps of each
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Trained:
+class Trained(ReadOnly):
     """A trained network with what was attained.
 
     Parameters

@@ -36,6 +36,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.output_rows import OutputRows, output_rows
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.rational import solve_matrix
 
 __all__ = [
@@ -101,7 +102,7 @@ class VaryingLeaf(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DenominatorCells:
+class DenominatorCells(ReadOnly):
     """Claim that no parameters are consistent with a record.
 
     Parameters

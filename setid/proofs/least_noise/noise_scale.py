@@ -20,6 +20,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.parameter_box import ProvedBox, box_follows
 from sparsepop_py.algebra.polynomial_rows import polynomial_rows
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
@@ -38,7 +39,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseScale:
+class NoiseScale(ReadOnly):
     """The least factor on all noise bounds that explains a record, with its evidence.
 
     Parameters

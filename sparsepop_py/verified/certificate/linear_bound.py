@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
@@ -30,7 +31,7 @@ _LESS = "the multipliers prove less than is claimed"
 
 
 @dataclass(frozen=True, eq=False)
-class LinearBound:
+class LinearBound(ReadOnly):
     """Exact optimum of a linear objective over linear constraints.
 
     Parameters

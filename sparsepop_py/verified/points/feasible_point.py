@@ -28,6 +28,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
@@ -45,7 +46,7 @@ _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense mat
 
 
 @dataclass(frozen=True, eq=False)
-class ProvedPoint:
+class ProvedPoint(ReadOnly):
     """Feasible point whose existence is proved.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.display import rounded
 
@@ -18,7 +19,7 @@ _GAINED = 0.9  # another round follows where a width fell below this share
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Bounds:
+class Bounds(ReadOnly):
     """Proved bounds of parameters.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError
 
 __all__ = ["UncertainRows"]
@@ -15,7 +16,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UncertainRows:
+class UncertainRows(ReadOnly):
     """Rows |target + regressors theta| <= radius + radii |theta|, which every theta obeys.
 
     Row k is y_k + r_k' theta = 0 where y_k is known within ``radius[k]`` and each entry of r_k
