@@ -8,7 +8,9 @@ what a solver found when its time ended. Whoever keeps a deadline also catches t
 Clocks differ from run to run, and the adaptive search learns from them. Under a work limit every
 decision rests on work instead: solvers, linear programs, local searches and nodes each report
 iterations times a cost that depends on sizes only. Runs are then reproducible, and a run with a
-larger limit begins like one with a smaller limit.
+larger limit begins like one with a smaller limit. Solvers are given the iterations that the work
+left allows (:func:`iterations_left`). What needs far more work than is left is not begun, and
+nothing else in its place (:func:`outlasts`, :meth:`Deadline.give_up`).
 
 One unit of work is about one second of one core of 2020. The model is a convention: it is fixed
 by the constants in this module and in the modules that call :func:`spend`.
@@ -29,6 +31,7 @@ __all__ = [
     "EARLY",
     "TOO_LARGE",
     "TOO_LONG",
+    "TOO_MUCH",
     "Deadline",
     "LimitReached",
     "before_check",
@@ -36,6 +39,8 @@ __all__ = [
     "check",
     "counting_from",
     "cpu_seconds",
+    "iterations_left",
+    "outlasts",
     "pace",
     "spend",
     "spent",
@@ -43,17 +48,28 @@ __all__ = [
 
 TOO_LARGE = "needs more than"  # in notes about relaxations that no memory is allowed for
 TOO_LONG = "too long for the time left"  # in notes about what was not begun
+TOO_MUCH = "far more than the work left"  # the same under a limit on work
 _GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
 _MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that is thought of
+_UNIT = 2.0**36  # parts of a unit of work: sums of them are exact in any order
+_OVERWORK = 2.0  # times the work left that a step may be expected to need,
+_LEAST_WORK = 0.2  # and units of work beyond that: small steps are done in any case
 
 
-class _Meter(threading.local):
-    """Work done in this thread since it began."""
+class _Meter:
+    """Work done in one thread since it began."""
 
     total = 0.0
 
 
-_METER = _Meter()
+class _Own(threading.local):
+    """The meter of this thread."""
+
+    def __init__(self) -> None:
+        self.meter = _Meter()
+
+
+_OWN = _Own()
 
 
 def spend(work: float) -> None:
@@ -64,30 +80,34 @@ def spend(work: float) -> None:
     work : float
         In units of about one second.
     """
-    _METER.total += work
+    _OWN.meter.total += _counted(work)
 
 
 def spent() -> float:
     """Return the work that was counted in this thread so far."""
-    return _METER.total
+    return _OWN.meter.total
+
+
+def _counted(work: float) -> float:
+    """Round work to parts of which sums are exact, so that they do not depend on earlier work."""
+    return work if abs(work) == np.inf else round(work * _UNIT) / _UNIT
 
 
 @contextmanager
 def counting_from(total: float) -> Iterator[None]:
     """Count from another thread's work within the body of a with statement; then forget it.
 
-    A deadline that a task shares with that thread has then as much work left as there.
-
     Parameters
     ----------
     total : float
         What :func:`spent` returned there.
     """
-    before, _METER.total = _METER.total, total
+    before, _OWN.meter = _OWN.meter, _Meter()
+    _OWN.meter.total = total
     try:
         yield
     finally:
-        _METER.total = before
+        _OWN.meter = before
 
 
 class LimitReached(Exception):
@@ -98,10 +118,11 @@ EARLY = (KeyboardInterrupt, LimitReached)  # what ends a search early, with its 
 
 
 class _Kept(threading.local):
-    """Ends that :func:`check` holds in this thread: wall clock and CPU clock."""
+    """Ends kept in this thread: wall clock and CPU clock for :func:`check`, and work."""
 
     wall = np.inf
     cpu = np.inf
+    work = np.inf
     charged = 0.0
     deadline: Deadline | None = None
 
@@ -143,6 +164,45 @@ def check() -> None:
 def before_check() -> float:
     """Return seconds of wall time before :func:`check` raises, inf without kept limits."""
     return _KEPT.wall - time.monotonic()
+
+
+def iterations_left(work: float, least: int = 1) -> float:
+    """Return how many iterations the kept limit on work allows, inf without such a limit.
+
+    Where a solver does all of them, the limit has passed.
+
+    Parameters
+    ----------
+    work : float
+        Of one iteration.
+    least : int
+        Iterations that are allowed in any case.
+    """
+    if _KEPT.work == np.inf:
+        return np.inf
+    return max(float(least), np.ceil((_KEPT.work - spent()) / work))
+
+
+def outlasts(work: float) -> bool:
+    """Check whether a step needs far more work than is left; if so, give up the kept deadline.
+
+    Parameters
+    ----------
+    work : float
+        That the step is expected to need at least.
+
+    Examples
+    --------
+    >>> from sparsepop_py.budget import Deadline, outlasts
+    >>> with Deadline(None, work_limit=1.0).kept():
+    ...     outlasts(1.5), outlasts(100.0)  # twice the work left is begun
+    (False, True)
+    """
+    if work <= _LEAST_WORK + _OVERWORK * max(0.0, _KEPT.work - spent()):
+        return False
+    if _KEPT.deadline is not None:
+        _KEPT.deadline.give_up()
+    return True
 
 
 def pace() -> float:
@@ -198,7 +258,8 @@ class Deadline:
     ) -> None:
         self._begin, self._begin_cpu = time.monotonic(), time.process_time()
         self._limit, self._cpu_limit = limit, cpu_limit
-        self._last = None if work_limit is None else spent() + work_limit
+        self._meter = _OWN.meter  # of the thread that asks; tasks in others have their own
+        self._last = None if work_limit is None else spent() + _counted(work_limit)
         self._stopped = False
         self._whole: Deadline | None = None  # of which this is a part
         self.cut = False  # something was not begun since it would have taken too long
@@ -241,6 +302,16 @@ class Deadline:
         self._stopped = True
         if self._whole is not None:
             self._whole.stop()
+
+    def give_up(self) -> None:
+        """End the limit on work now, not of the whole: what comes next needs far more.
+
+        Something smaller in its place might prove more than a run does whose larger limit is used
+        up by what is not begun here.
+        """
+        self.cut = True
+        if self._last is not None:
+            self._last = min(self._last, self._meter.total)
 
     def ended(self, cause: BaseException) -> None:
         """Note what ended the work early: an interrupt by the user ends all of it."""
@@ -313,7 +384,7 @@ class Deadline:
         wall, _ = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         cpu_left = None if self.cpu_left is None else share * self.cpu_left
-        work = None if self._last is None else share * max(0.0, self._last - spent())
+        work = None if self._last is None else share * max(0.0, self._work_left)
         unlimited = left is cpu_left is work is None
         found = Deadline(left, otherwise if unlimited else work, cpu_left)
         found._whole = self
@@ -337,7 +408,7 @@ class Deadline:
         if self.wall_end < np.inf:
             left["time_limit"] = max(1e-3, self.wall_end - time.monotonic())
         if self._last is not None:
-            left["work_limit"] = max(1e-3, self._last - spent())
+            left["work_limit"] = max(1e-3, self._work_left)
         return {name: limit for name, limit in left.items() if limit is not None}
 
     @property
@@ -349,7 +420,12 @@ class Deadline:
     @property
     def over(self) -> bool:
         """True if a limit has passed."""
-        return self.late or (self._last is not None and spent() >= self._last)
+        return self.late or self._work_left <= 0.0
+
+    @property
+    def _work_left(self) -> float:
+        """Units of work left, inf without such a limit; as it was at the start of a task."""
+        return np.inf if self._last is None else self._last - self._meter.total
 
     def _ends(self, grace: float) -> tuple[float, float]:
         """Compute the ends on both clocks, with a share of grace."""
@@ -360,20 +436,22 @@ class Deadline:
 
     @contextmanager
     def kept(self, grace: float = _GRACE) -> Iterator[None]:
-        """Let :func:`check` hold the limits in time within the body of a with statement.
+        """Hold the limits within the body of a with statement, by :func:`check` and solvers.
 
         Parameters
         ----------
         grace : float
             Share of the limits that proofs under way may take longer.
         """
-        before = _KEPT.wall, _KEPT.cpu, _KEPT.deadline
+        before = _KEPT.wall, _KEPT.cpu, _KEPT.work, _KEPT.deadline
         wall, cpu = self._ends(grace)
-        _KEPT.wall, _KEPT.cpu, _KEPT.deadline = min(before[0], wall), min(before[1], cpu), self
+        work = spent() + self._work_left  # the meter may be that of another thread
+        _KEPT.wall, _KEPT.cpu = min(before[0], wall), min(before[1], cpu)
+        _KEPT.work, _KEPT.deadline = min(before[2], work), self
         try:
             yield
         finally:
-            _KEPT.wall, _KEPT.cpu, _KEPT.deadline = before
+            _KEPT.wall, _KEPT.cpu, _KEPT.work, _KEPT.deadline = before
 
     def __getstate__(self) -> dict[str, Any]:
         """Store what is left of each limit, and what has passed."""
@@ -381,15 +459,17 @@ class Deadline:
         state = dict(
             self.__dict__,
             _whole=None,
+            _meter=None,
             _begin=self._begin - now,
             _begin_cpu=self._begin_cpu - now_cpu,
         )
         state["_stopped"] = self.stopped
-        return state | {"_last": None if self._last is None else self._last - spent()}
+        return state | {"_last": None if self._last is None else self._work_left}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Go on from now with what was left."""
         self.__dict__.update(state)
+        self._meter = _OWN.meter
         self._begin += time.monotonic()
         self._begin_cpu += time.process_time()
         if self._last is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.budget import TOO_LARGE, TOO_LONG
+from sparsepop_py.budget import TOO_LARGE, TOO_LONG, TOO_MUCH
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
@@ -252,7 +252,7 @@ class Result(Summarised, ReadOnly):
             found = "the bound is proved, the gap is open"
             if self.lower_bound == -np.inf:
                 found = "nothing finite was proved by then"
-            if any(TOO_LONG in note for note in self.notes):
+            if any(TOO_LONG in note or TOO_MUCH in note for note in self.notes):
                 return f"{_limits(self.options)} is too short for what the notes name; {found}."
             return f"{_limits(self.options)} ended the work; {found}."
         advice = _advice(self) if self.status in _OPEN else []

@@ -1,13 +1,20 @@
 """Work limits: runs that no clock can change, and that extend each other."""
 
 import itertools
+import pickle
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+import scipy.sparse as sps
 
 import sparsepop_py as sp
+from sparsepop_py import budget, solvers
 from sparsepop_py.budget import Deadline, spend, spent
+from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.solvers import WITHOUT_WORK
+from sparsepop_py.strategy import adaptive
 
 LIMITS = (0.05, 0.3, 2.0)
 
@@ -134,3 +141,92 @@ def test_searches_end_with_the_start_at_which_the_limit_passes(limits) -> None:
     begin = spent()
     sp.solve(problem, sp.Options(order=3, node_limit=0, **limits))
     assert spent() - begin < 0.5
+
+
+# ---- single solves within a limit -----------------------------------------------------------
+
+
+def assignment(n: int = 12) -> tuple[LinearModel, np.ndarray]:
+    """A linear program of n^2 variables, whose simplex methods need more than 20 pivots."""
+    sides = np.vstack([np.kron(np.eye(n), np.ones(n)), np.kron(np.ones(n), np.eye(n))])
+    one, free = np.ones(2 * n), np.ones(n * n)
+    model = LinearModel(sps.csr_array(sides), (one, one), (0 * free, free))
+    return model, np.random.default_rng(3).normal(size=n * n)
+
+
+def test_a_linear_program_ends_within_the_work_left() -> None:
+    model, cost = assignment()
+    begin = spent()
+    with Deadline(None, work_limit=1e-6).kept():
+        found = model.solve(cost)
+    cut = spent() - begin
+    assert found.status == "stopped" and np.all(np.isfinite(found.dual))
+    whole = assignment()[0].solve(cost)
+    assert whole.status == "solved" and spent() - begin - cut > 1.5 * (cut - 2e-4)
+    again = model.solve(cost)  # the limit on pivots is that of one solve
+    assert again.status == "solved" and again.value == pytest.approx(whole.value)
+
+
+def test_a_cut_program_is_not_called_infeasible() -> None:
+    model, cost = assignment()
+    model.add(np.ones((1, cost.size)), np.array([11.0]))  # all are 12 in sum
+    with Deadline(None, work_limit=1e-6).kept():
+        assert model.solve(cost).status == "stopped"
+    assert model.solve(cost).status == "infeasible"
+
+
+def test_a_conic_program_has_the_iterations_that_work_allows(monkeypatch) -> None:
+    x = sp.variables(4)
+    f = sp.total(x[i] * x[j] ** 3 - x[i] ** 2 for i in range(4) for j in range(4))
+    program = sp.assemble(sp.relax(sp.Problem(f, lower=-1, upper=1), 2), f)
+    begin = spent()
+    whole = sp.solve_conic(program)
+    each = (spent() - begin) / whole.iterations
+    assert whole.status == "solved" and whole.iterations > 4
+    monkeypatch.setattr(solvers, "_ITERATIONS", 4)
+    monkeypatch.setattr(budget, "_LEAST_WORK", 0.0)
+    with Deadline(None, work_limit=2.5 * each).kept():
+        cut = sp.solve_conic(program)
+    assert cut.status == "failed" and cut.iterations == 4
+    deadline = Deadline(None, work_limit=1.5 * each)
+    with deadline.kept():
+        found = sp.solve_conic(program)
+    assert (found.iterations, found.detail) == (0, WITHOUT_WORK) and deadline.over
+
+
+def test_a_relaxation_that_needs_too_much_ends_the_search(monkeypatch) -> None:
+    monkeypatch.setattr(adaptive, "_CHAIN_WORK", 1.0)  # as if it were far larger
+    x, y = sp.variables(2)
+    problem = sp.Problem(x**3 * y - x * y**2 + x, lower=-1, upper=1)
+    result = sp.solve(problem, sp.Options(effort="auto", work_limit=1.0))
+    assert result.status is sp.Status.LIMIT and not result.history
+    assert any(budget.TOO_MUCH in note for note in result.notes)
+    assert "too short" in result.message
+    assert -3.0 - 1e-6 <= result.lower_bound <= result.upper_bound  # three terms of at most 1
+    assert sp.solve(problem, sp.Options(effort="auto", work_limit=np.inf)).history
+
+
+@pytest.mark.parametrize("before", [0.0, 0.1, 1 / 3, 1e3])
+def test_what_is_left_does_not_depend_on_earlier_work(before) -> None:
+    spend(before)
+    with Deadline(None, work_limit=0.3).kept():
+        assert budget.iterations_left(0.1) == 4  # of doubles, 0.3 is a little less than 3 * 0.1
+        spend(0.1)
+        spend(0.1)
+        assert budget.iterations_left(0.125) == 1
+
+
+def test_tasks_in_threads_have_what_was_left_at_their_start() -> None:
+    spend(5.0)
+    deadline = Deadline(None, work_limit=1.0)
+    spend(0.25)
+
+    def left(other: Deadline) -> tuple[float, bool]:
+        spend(2.0)
+        with other.kept():
+            return budget.iterations_left(0.125), other.over
+
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(left, deadline).result() == (6, False)
+        stored = threads.submit(pickle.dumps, deadline).result()  # as executors do
+    assert left(pickle.loads(stored)) == (1, True)

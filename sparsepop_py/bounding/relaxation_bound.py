@@ -25,7 +25,7 @@ from sparsepop_py.relaxation.reboxed import reboxed
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
 from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.solvers import NOT_BEGUN, preferred, solve_conic
+from sparsepop_py.solvers import NOT_BEGUN, WITHOUT_WORK, preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -198,11 +198,12 @@ def bound_box(
 
 
 def _begun(context: SolveContext, relaxation: Relaxation, solution: ConicSolution) -> bool:
-    """Check that a solver was begun; say so where time did not allow it."""
-    if solution.detail != NOT_BEGUN:
+    """Check that a solver was begun; say so where a limit did not allow it."""
+    if solution.detail not in (NOT_BEGUN, WITHOUT_WORK):
         return True
     context.deadline.cut = True
-    context.stages.note(f"order {relaxation.order}, {solution.solver}: {NOT_BEGUN}")
+    solver = "" if solution.detail == WITHOUT_WORK else f", {solution.solver}"  # none is begun
+    context.stages.note(f"order {relaxation.order}{solver}: {solution.detail}")
     return False
 
 

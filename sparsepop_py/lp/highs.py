@@ -16,11 +16,13 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import before_check, check, spend
+from sparsepop_py.budget import before_check, check, iterations_left, spend
 
 __all__ = ["LinearModel", "LinearSolution", "QuietHighs", "SparseRows", "solve_lp"]
 
 _PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row and column
+_PIVOTS = "simplex_iteration_limit"
+_LEAST_PIVOTS = 20  # of a program, however little work is left
 _OPTIONS: dict[str, bool | int | float | str] = {
     "output_flag": False,
     "threads": 1,
@@ -32,7 +34,7 @@ _OPTIONS: dict[str, bool | int | float | str] = {
 _PRIMAL: dict[str, int | float] = {
     "simplex_strategy": 4,
     "primal_simplex_bound_perturbation_multiplier": 0.0,  # it cannot cycle for ever:
-    "simplex_iteration_limit": 20_000,
+    _PIVOTS: 20_000,
 }
 _AGAIN: dict[str, int | float] = {"dual_simplex_cost_perturbation_multiplier": 0.0}
 _STATUS = {
@@ -66,7 +68,7 @@ class LinearSolution:
     Parameters
     ----------
     status : {"solved", "infeasible", "unbounded", "stopped", "failed"}
-        "stopped" by the time limit.
+        "stopped" by the limit on time or work.
     x : (n,) float
         Zeros unless solved.
     dual : (m,) float
@@ -177,7 +179,8 @@ class LinearModel:
         Where nothing but the cost has changed that basis is feasible, and the primal simplex
         method is faster; otherwise the dual one, whose rays are clean. That one gives up where
         the costs that it perturbs lead to large prices; then it starts again without perturbing.
-        Where no time is left at all, :func:`~sparsepop_py.budget.check` ends it.
+        Where no time is left at all, :func:`~sparsepop_py.budget.check` ends it. A limit on work
+        that is kept limits the pivots.
         """
         ways: list[dict[str, int | float]] = [_PRIMAL] if self._feasible else []
         begin, found = time.monotonic(), None
@@ -203,11 +206,14 @@ class LinearModel:
         highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
         left = min(np.inf if time_limit is None else time_limit, before_check())
         highs.setOptionValue("time_limit", highs.getRunTime() + max(left, 1e-3))
-        highs.run()
+        cut = self._run(m + n)
         info = highs.getInfo()
         pivots = max(0, info.simplex_iteration_count)
         spend(_PROGRAM_WORK + (1 + pivots) * _PIVOT_WORK * (m + n))
-        status = _STATUS.get(highs.getModelStatus(), "failed")
+        reached = highs.getModelStatus()
+        status = _STATUS.get(reached, "failed")
+        if cut and reached == highspy.HighsModelStatus.kIterationLimit:
+            status = "stopped"
         self._feasible = status == "solved"
         if status == "stopped":
             check()
@@ -229,6 +235,20 @@ class LinearModel:
         return LinearSolution(
             status, np.zeros(n), dual, np.inf if status == "infeasible" else np.nan
         )
+
+    def _run(self, size: int) -> bool:
+        """Run the solver; return whether work allows fewer pivots than are usual."""
+        usual = int(self._highs.getOptionValue(_PIVOTS)[1])
+        most = iterations_left(_PIVOT_WORK * size, _LEAST_PIVOTS)
+        if most >= usual:
+            self._highs.run()
+            return False
+        self._highs.setOptionValue(_PIVOTS, int(most))
+        try:
+            self._highs.run()
+        finally:
+            self._highs.setOptionValue(_PIVOTS, usual)
+        return True
 
     def active(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """List rows and columns on which the last basis rests: those not basic.

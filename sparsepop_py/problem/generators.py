@@ -38,6 +38,7 @@ __all__ = [
     "bound_products",
     "bound_terms",
     "count",
+    "count_chains",
     "layers",
     "partners",
     "product_terms",
@@ -224,6 +225,17 @@ def bound_products(
         for v in factors[1:]:
             chains = [product(c, v + side) for c in chains for side in (low.start, high.start)]
     return _shallow_first(np.array(made, np.int64).reshape(-1, 2), single)
+
+
+def count_chains(words: Words) -> int:
+    """Count the products of bounds for monomials of degree 3 or 4, at most, without forming them.
+
+    Parameters
+    ----------
+    words : (T, d) int32
+    """
+    degree = monomials.degrees(words)
+    return int(np.sum(2 ** degree[(degree > 2) & (degree <= _LONGEST)]))
 
 
 def _shallow_first(products: NDArray[np.int64], single: int) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsepop_py.budget import TOO_LONG, pace, spend
+from sparsepop_py.budget import TOO_LONG, TOO_MUCH, iterations_left, outlasts, pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound, SparsePOPError, check_kind
 from sparsepop_py.plugins.registry import Registry
@@ -23,6 +23,7 @@ from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 __all__ = [
     "NOT_BEGUN",
     "SOLVERS",
+    "WITHOUT_WORK",
     "least_seconds",
     "preferred",
     "require_solver",
@@ -40,7 +41,9 @@ _SHARED_DOMAIN, _SHARED = ((6, 100), *_DOMAIN), 4
 # iterations, the analysis counted in, without which its output proves nothing.
 _RATE, _ITERATIONS = 1.7e10, 10
 _UNSTOPPABLE = ("clarabel", "clarabel-moment")
+_USUAL = 80  # iterations that each solver does by itself, at most or more
 NOT_BEGUN = f"not begun: its iterations take {TOO_LONG}"
+WITHOUT_WORK = f"not begun: its iterations need {TOO_MUCH}"
 
 SOLVERS: Registry[ConicSolver] = Registry(
     "solver",
@@ -132,10 +135,10 @@ def least_seconds(sides: Sequence[int], solver: str = "clarabel") -> float:
     return float(_ITERATIONS * pace() * np.sum(entries**3) / 3.0 / _RATE)
 
 
-def _not_begun(program: ConicProgram, solver: str) -> ConicSolution:
+def _not_begun(program: ConicProgram, solver: str, detail: str) -> ConicSolution:
     """Return the solution of a program that would have taken too long."""
     y, z = np.zeros(program.q.size), np.zeros(program.b.size)
-    return solution(program, "failed", y, z, 0, 0.0, solver, NOT_BEGUN)
+    return solution(program, "failed", y, z, 0, 0.0, solver, detail)
 
 
 def require_solver(name: str) -> None:
@@ -218,13 +221,17 @@ def solve_conic(
     check_kind(program, ConicProgram, "program")
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
-    settings = SolverSettings(time_limit, accuracy, target, max_iterations, solves)
-    start = time.perf_counter()
+    start, each = time.perf_counter(), _iteration_work(program)
     if time_limit is not None and least_seconds(program.cones.psd, solver) > time_limit:
-        return _not_begun(program, solver)
+        return _not_begun(program, solver, NOT_BEGUN)
+    if outlasts(_ITERATIONS * each):
+        return _not_begun(program, solver, WITHOUT_WORK)
+    most = iterations_left(each, _ITERATIONS)
+    allowed = int(most) if most < (max_iterations or _USUAL) else max_iterations
+    settings = SolverSettings(time_limit, accuracy, target, allowed, solves)
     found = SOLVERS.ask(solver, _solver(solver), program, settings)
     check_kind(found, ConicSolution, f"what the solver {solver!r} returned")
     if SOLVERS.plugged(solver):
         found = SOLVERS.ask(solver, _computed_again, program, found, solver)
-    spend(found.iterations * _iteration_work(program))
+    spend(found.iterations * each)
     return replace(found, wall=time.perf_counter() - start)

@@ -27,11 +27,12 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.branch_and_bound.node import NodeSettings
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.budget import cpu_seconds
+from sparsepop_py.budget import TOO_MUCH, cpu_seconds, outlasts
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.presolve.initial_box import rounding_slack, shrinks
+from sparsepop_py.problem.generators import count_chains
 from sparsepop_py.relaxation.hierarchy import (
     RelaxationSpec,
     expected_seconds,
@@ -60,6 +61,8 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening, 
 __all__ = ["AdaptiveSearch"]
 
 _BRANCH = "branch"
+_CHAIN_WORK = 3e-5  # of pricing and building a linear relaxation, by products of bounds
+_LEAST_SHARE = 0.4  # of the work of a relaxation, without which its multipliers prove nothing
 
 
 @dataclass(eq=False)
@@ -210,8 +213,10 @@ class AdaptiveSearch:
         return bool(starts)
 
     def _say_what_was_left_out(self) -> None:
+        if self.over:
+            return
         text, slow = self.queue.left_out(self.context.deadline.expected)
-        if not self.over and text:
+        if text:
             self.context.deadline.cut |= slow
             self.context.stages.note(text)
 
@@ -279,6 +284,8 @@ class AdaptiveSearch:
         """Select the step with the largest expected gain per second, None if none is left."""
         if self.tree is not None and not self.tree.update_context(self.context):
             self.seen, self.tree = self.tree.seen, None  # another tree must be grown
+        if not self.costs and self._needs_too_much("linear", self._chains * _CHAIN_WORK):
+            return None
         seconds_left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
             best, most = self.queue.best(seconds_left)
@@ -289,6 +296,20 @@ class AdaptiveSearch:
         if branch is not None and (best is None or branch > most or self._is_early(best)):
             return _BRANCH
         return best
+
+    def _needs_too_much(self, name: str, work: float) -> bool:
+        """Check that a relaxation needs far more work than is left, and say so."""
+        if not outlasts(work):
+            return False
+        self.context.deadline.give_up()
+        self.context.stages.note(f"{name}: not begun, it needs {TOO_MUCH}")
+        return True
+
+    @property
+    def _chains(self) -> int:
+        """Products of bounds for long monomials, which take the longest to price and to build."""
+        problem = self.context.problem
+        return sum(map(count_chains, (problem.rows.words, problem.objective.words)))
 
     def _is_early(self, spec: RelaxationSpec) -> bool:
         """Check that a relaxation takes long, and the tree has had little of its seconds.
@@ -395,6 +416,8 @@ class AdaptiveSearch:
         self._put_off = False
         if spec.shape == "linear":
             return self._linear()
+        if self._needs_too_much(spec.name, _LEAST_SHARE * self.queue.seconds(spec)):
+            return None
         if spec.plain is not None:
             linear = self._tighten()
             if self.over:
