@@ -89,7 +89,7 @@ def spent() -> float:
 
 
 def _counted(work: float) -> float:
-    """Round work to parts of which sums are exact, so that they do not depend on earlier work."""
+    """Round work to parts whose sums are exact, whatever was counted before."""
     return work if abs(work) == np.inf else round(work * _UNIT) / _UNIT
 
 
@@ -184,7 +184,9 @@ def iterations_left(work: float, least: int = 1) -> float:
 
 
 def outlasts(work: float) -> bool:
-    """Check whether a step needs far more work than is left; if so, give up the kept deadline.
+    """Check for a step that needs far more work than is left.
+
+    Where it does, the kept deadline is given up.
 
     Parameters
     ----------
@@ -304,7 +306,9 @@ class Deadline:
             self._whole.stop()
 
     def give_up(self) -> None:
-        """End the limit on work now, not of the whole: what comes next needs far more.
+        """End the limit on work now, not that of the whole.
+
+        What comes next needs far more.
 
         Something smaller in its place might prove more than a run does whose larger limit is used
         up by what is not begun here.
@@ -424,7 +428,7 @@ class Deadline:
 
     @property
     def _work_left(self) -> float:
-        """Units of work left, inf without such a limit; as it was at the start of a task."""
+        """Units of work left, those at its start in a task; inf without limit."""
         return np.inf if self._last is None else self._last - self._meter.total
 
     def _ends(self, grace: float) -> tuple[float, float]:

@@ -228,7 +228,9 @@ def bound_products(
 
 
 def count_chains(words: Words) -> int:
-    """Count the products of bounds for monomials of degree 3 or 4, at most, without forming them.
+    """Count the products of bounds for monomials of degree 3 or 4, at most.
+
+    They are not formed.
 
     Parameters
     ----------
