@@ -40,6 +40,7 @@ __all__ = [
     "counting_from",
     "cpu_seconds",
     "iterations_left",
+    "meter",
     "outlasts",
     "pace",
     "spend",
@@ -57,9 +58,15 @@ _LEAST_WORK = 0.2  # and units of work beyond that: small steps are done in any 
 
 
 class _Meter:
-    """Work done in one thread since it began."""
+    """Work done in a thread, or in a task that goes on from another thread's."""
 
-    total = 0.0
+    def __init__(self, before: _Meter | None = None) -> None:
+        self.before = before
+        self.total: float = 0.0 if before is None else before.total
+
+    def goes_on_from(self, other: _Meter | None) -> bool:
+        """Check whether this meter is another one or began at what that showed."""
+        return self is other or (self.before is not None and self.before.goes_on_from(other))
 
 
 class _Own(threading.local):
@@ -93,17 +100,23 @@ def _counted(work: float) -> float:
     return work if abs(work) == np.inf else round(work * _UNIT) / _UNIT
 
 
+def meter() -> _Meter:
+    """Return what counts the work of this thread, for tasks that go on from it."""
+    return _OWN.meter
+
+
 @contextmanager
-def counting_from(total: float) -> Iterator[None]:
-    """Count from another thread's work within the body of a with statement; then forget it.
+def counting_from(other: _Meter) -> Iterator[None]:
+    """Count on from another thread's work within the body of a with statement; then forget it.
+
+    A deadline that a task shares with that thread has then as much work left as there.
 
     Parameters
     ----------
-    total : float
-        What :func:`spent` returned there.
+    other : _Meter
+        What :func:`meter` returned there.
     """
-    before, _OWN.meter = _OWN.meter, _Meter()
-    _OWN.meter.total = total
+    before, _OWN.meter = _OWN.meter, _Meter(other)
     try:
         yield
     finally:
@@ -315,7 +328,7 @@ class Deadline:
         """
         self.cut = True
         if self._last is not None:
-            self._last = min(self._last, self._meter.total)
+            self._last -= max(0.0, self._work_left)
 
     def ended(self, cause: BaseException) -> None:
         """Note what ended the work early: an interrupt by the user ends all of it."""
@@ -428,8 +441,11 @@ class Deadline:
 
     @property
     def _work_left(self) -> float:
-        """Units of work left, those at its start in a task; inf without limit."""
-        return np.inf if self._last is None else self._last - self._meter.total
+        """Units of work left, inf without limit; other threads' work is none of its own."""
+        if self._last is None:
+            return np.inf
+        own = _OWN.meter
+        return self._last - (own if own.goes_on_from(self._meter) else self._meter).total
 
     def _ends(self, grace: float) -> tuple[float, float]:
         """Compute the ends on both clocks, with a share of grace."""

@@ -1,4 +1,4 @@
-"""Run tasks on an executor within the limits of a solve; it may break, hang or refuse."""
+"""Run tasks within limits on an executor, which may break, hang or refuse."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from sparsepop_py.budget import Deadline, LimitReached, counting_from, spent
+from sparsepop_py.budget import Deadline, LimitReached, counting_from, meter
 from sparsepop_py.executors.dispatch import is_within
 from sparsepop_py.executors.threads import while_solving
 
@@ -53,7 +53,7 @@ def run_on(
     LimitReached
         If the deadline ends the work first.
     """
-    work = _Counted(work, spent())
+    work = _Counted(work)
     if is_within(executor):
         return [work(*task) for task in tasks], ""
     found: list[Result | None] = [None] * len(tasks)
@@ -83,13 +83,13 @@ def run_on(
 
 @dataclass(frozen=True, eq=False)
 class _Counted(Generic[Result]):
-    """Task that counts its work from that of the thread which asks for it."""
+    """Task that counts its work on from that of the thread which asks for it."""
 
     work: Callable[..., Result]
-    spent: float
+    asked: Any = field(default_factory=meter)
 
     def __call__(self, *arguments: Any) -> Result:
-        with counting_from(self.spent):
+        with counting_from(self.asked):
             return self.work(*arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:

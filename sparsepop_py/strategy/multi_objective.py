@@ -306,7 +306,7 @@ class MultiObjectiveSearch:
     def _is_divided(self, index: int) -> bool:
         """Check that a tree is grown here, and workers have its nodes and their relaxations.
 
-        Where few objectives are left, workers would soon be idle.
+        Where few objectives are left, workers would soon have nothing else to do.
         """
         others = sum(not search.over for search in self.searches) - 1
         few = others <= workers_of(self.options.executor)
@@ -324,7 +324,7 @@ class MultiObjectiveSearch:
         return not search.exhausted or last.get(index) != (self.model, search.context.best)
 
     def _next_turn(self, index: int, number: int) -> AnyTurn:
-        """Choose what an objective does next: its local searches, or its first or a later turn."""
+        """Choose what an objective does next: local searches, or a turn."""
         if index in self.unsearched:
             return self._first_search(index)
         turn = self._turn(index, 1 if number == 1 else STRATEGY.turn_steps)
