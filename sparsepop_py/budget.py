@@ -107,7 +107,7 @@ def meter() -> _Meter:
 
 @contextmanager
 def counting_from(other: _Meter) -> Iterator[None]:
-    """Count on from another thread's work within the body of a with statement; then forget it.
+    """Count on from another thread's work within a with statement; then forget it.
 
     A deadline that a task shares with that thread has then as much work left as there.
 
