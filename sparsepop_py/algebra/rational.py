@@ -199,6 +199,8 @@ class Rational:
         divisor = self.whole._operand(other)
         if divisor is None:
             return NotImplemented
+        if divisor.degree == 0 and divisor.terms:
+            return self / divisor.fractions[0]
         fractions = [(p, q * divisor) for p, q in self.ratios]
         if self.whole.terms or not fractions:
             fractions.append((self.whole, divisor))

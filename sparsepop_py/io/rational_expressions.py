@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Sequence
+from itertools import accumulate
 
 from sparsepop_py.algebra.polynomial import Polynomial, total
 from sparsepop_py.algebra.rational import Rational
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.expressions import (
+    MAX_DEPTH,
+    MAX_PRODUCTS,
     DivisionError,
     ExpressionError,
     Token,
@@ -26,6 +29,7 @@ from sparsepop_py.io.expressions import (
 __all__ = ["parse_rational", "split_outside"]
 
 _LARGEST = 10  # exponent of a ratio
+_MOST_PAIRS = 10_000  # of ratios when sums of them are multiplied out
 
 
 def split_outside(tokens: Sequence[Token], kind: str) -> list[list[Token]]:
@@ -70,7 +74,8 @@ def parse_rational(
     Raises
     ------
     ExpressionError
-        If the text is no sum of ratios of polynomials, or divides by a ratio.
+        If the text is no sum of ratios of polynomials, divides by a ratio, or has coefficients
+        that overflow.
 
     Examples
     --------
@@ -80,14 +85,52 @@ def parse_rational(
     if not isinstance(vocabulary, Vocabulary):
         vocabulary = Vocabulary(vocabulary)
     tokens = tokenize(source) if isinstance(source, str) else list(source)
-    return _sum(tokens, vocabulary)
+    try:
+        return parse_expression(tokens, vocabulary)
+    except DivisionError:
+        _check_parentheses(tokens)
+    try:
+        return _sum_of_ratios(tokens, vocabulary)
+    except ExpressionError:
+        raise
+    except ProblemError as error:  # of the arithmetic of ratios
+        raise ExpressionError(str(error), "finite coefficients", tokens[0][2]) from None
+
+
+def _check_parentheses(tokens: Sequence[Token]) -> None:
+    """Refuse parentheses that are not closed, or are nested too deeply to take apart."""
+    opened: list[int] = []
+    for kind, _, position in tokens:
+        if kind == "open":
+            opened.append(position)
+        elif kind == "close" and not opened:
+            raise ExpressionError("')'", "a matching '(' before it", position)
+        elif kind == "close":
+            opened.pop()
+        if len(opened) > MAX_DEPTH:
+            raise ExpressionError("more", f"at most {MAX_DEPTH} nested parentheses", position)
+    if opened:
+        raise ExpressionError("'(' that is not closed", "a matching ')'", opened[-1])
+
+
+def _inside(tokens: list[Token]) -> list[Token]:
+    """Return what stands in the parentheses that the first token opens and the last closes."""
+    steps = ({"open": 1, "close": -1}.get(kind, 0) for kind, _, _ in tokens)
+    closed = list(accumulate(steps)).index(0)
+    if closed + 1 < len(tokens):
+        _, text, position = tokens[closed + 1]
+        raise ExpressionError(repr(text), "one of + - * / ^ or the end of the expression", position)
+    return tokens[1:-1]
 
 
 def _sum(tokens: list[Token], vocabulary: Vocabulary) -> Polynomial | Rational:
     try:
         return parse_expression(tokens, vocabulary)
     except DivisionError:
-        pass
+        return _sum_of_ratios(tokens, vocabulary)
+
+
+def _sum_of_ratios(tokens: list[Token], vocabulary: Vocabulary) -> Rational:
     terms = [_product(term, vocabulary) for term in split_outside(tokens, "sign")]
     whole = total([term.whole if isinstance(term, Rational) else term for term in terms])
     ratios = [pair for term in terms if isinstance(term, Rational) for pair in term.ratios]
@@ -104,8 +147,30 @@ def _product(tokens: list[Token], vocabulary: Vocabulary) -> Polynomial | Ration
             operator, factor = piece[0][1], piece[1:]
         value = _factor(factor, vocabulary)
         position = factor[0][2] if factor else tokens[-1][2]
-        found = _divided(found, value, position) if operator == "/" else found * value
+        combine = _divided if operator == "/" else _times
+        found = combine(found, value, position)
     return -found if negative else found
+
+
+def _times(
+    found: Polynomial | Rational, value: Polynomial | Rational, position: int
+) -> Polynomial | Rational:
+    sizes = [_size(found), _size(value)]
+    pairs, products = (left * right for left, right in zip(*sizes, strict=True))
+    if pairs > _MOST_PAIRS or products > MAX_PRODUCTS:
+        raise ExpressionError(
+            f"a product that has {pairs} pairs of ratios and {products} terms",
+            f"at most {_MOST_PAIRS} pairs and {MAX_PRODUCTS} terms",
+            position,
+        )
+    product: Polynomial | Rational = found * value
+    return product
+
+
+def _size(value: Polynomial | Rational) -> tuple[int, int]:
+    """Count the polynomial and the ratios of a sum, and their terms."""
+    parts = value.parts if isinstance(value, Rational) else (value,)
+    return 1 + len(parts) // 2, sum(part.terms for part in parts)
 
 
 def _divided(
@@ -134,12 +199,13 @@ def _factor(tokens: list[Token], vocabulary: Vocabulary) -> Polynomial | Rationa
     base, *exponents = split_outside(tokens, "power")
     if len(exponents) == 1:
         return _raised(_factor(base, vocabulary), exponents[0][1:], base[0][2])
-    if not exponents and base[0][0] == "open" and base[-1][0] == "close":
-        return _sum(base[1:-1], vocabulary)
+    if not exponents and base[0][0] == "open":
+        return _sum(_inside(base), vocabulary)
     if not exponents and base[0][1].lower() == "sqr":
-        return _raised(_sum(base[2:-1], vocabulary), [("number", "2", base[0][2])], base[0][2])
+        two = [("number", "2", base[0][2])]
+        return _raised(_sum(_inside(base[1:]), vocabulary), two, base[0][2])
     if not exponents and base[0][1].lower() == "power":
-        inside, *exponents = split_outside(base[2:-1], "comma")
+        inside, *exponents = split_outside(_inside(base[1:]), "comma")
         if len(exponents) == 1:
             return _raised(_sum(inside, vocabulary), exponents[0][1:], base[0][2])
     raise ExpressionError(
@@ -158,4 +224,7 @@ def _raised(
         raise ExpressionError(
             f"the exponent {power:g} of a ratio", f"an integer from 0 to {_LARGEST}", position
         )
-    return base**power
+    found = base**0
+    for _ in range(int(power)):
+        found = _times(found, base, position)
+    return found

@@ -162,3 +162,32 @@ def test_sympy_expressions():
         sp.RationalProblem(sympy.exp(x) / y)
     with pytest.raises(sp.ProblemError, match="objective: found"):
         sp.Problem(x / y)
+
+
+RATIOS = " + ".join(f"1/(x + {k})" for k in range(100))  # and the polynomial 0: 101 parts
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sqr(1/x 2", r"'\(' that is not closed"),
+        ("power(1/x, 2 3", r"'\(' that is not closed"),
+        ("(1/x + 1) 2)", "found '2'|a matching '\\('"),
+        ("sqr(1/x)(1 + 1/x)", r"found '\(', expected one of"),
+        ("1e308/x*10", "overflows, expected finite coefficients"),
+        (f"({RATIOS})*({RATIOS})", "10201 pairs of ratios .* at most 10000 pairs"),
+        (f"({RATIOS})^2", "10201 pairs of ratios .* at most 10000 pairs"),
+        (f"sqr(sqr({RATIOS}))", "10201 pairs of ratios .* at most 10000 pairs"),
+        ("(1/x + " * 101 + "1" + ")" * 101, "at most 100 nested parentheses"),
+    ],
+)
+def test_wrong_or_endless_expressions_with_ratios_are_refused(text, message):
+    with pytest.raises(sp.FormatError, match=f"^line 1: statement '.*{message}"):
+        sp.parse(f"min x; s.t. {text} >= 0; x >= 1")
+
+
+def test_sums_with_ratios_are_divided_by_constant_polynomials():
+    objective = sp.parse("min (x + 3/y)/(1 + 1); s.t. y >= 1").objective
+    assert objective([4.0, 1.0]) == 3.5  # (4 + 3) / 2
+    x, y = sp.variables(2)
+    assert str((x + 3 / y) / (x - x + 2)) == "0.5*x1 + (1.5)/(x2)"
