@@ -168,6 +168,7 @@ _DIRECTION = re.compile(rf"\b(mini|maxi)mi[sz]ing\s+({_NAME})", re.IGNORECASE)
 _KINDS = ("free", "positive", "negative", "binary", "integer")
 _BOUNDS = {"lo": ("lower",), "up": ("upper",), "fx": ("lower", "upper")}
 _NO_BOUNDS = {("lo", "-inf"): -np.inf, ("up", "inf"): np.inf, ("up", "+inf"): np.inf}
+_EMPTIES = re.compile(r"\b(?:clear|kill)\s*=\s*\w+", re.IGNORECASE)
 _IGNORED = ("l", "m", "scale", "prior", "stage")
 
 
@@ -367,7 +368,12 @@ class _Reader:
         self.solve = statement
 
     def ignore(self, statement: Statement, match: re.Match[str]) -> None:
-        """Pass over options and displays, which say nothing about the problem."""
+        """Pass over displays and options, except those that take bounds back."""
+        emptied = _EMPTIES.search(statement.text)
+        if emptied and statement.text[0] in "oO":
+            raise statement.error(
+                repr(emptied[0]), "only options that leave bounds as they are", emptied.start()
+            )
 
     # ---- checks -------------------------------------------------------------------------
 

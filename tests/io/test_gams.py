@@ -532,3 +532,12 @@ def test_priorities_that_relax_integers_are_refused(read, priority: str) -> None
     with pytest.raises(sp.FormatError, match="case.gms:2: .* that makes an integer variable"):
         read(f"{text}b.prior ={priority};\nSolve m using MINLP minimizing obj;")
     assert len(read(f"{text}b.prior = 2;\nSolve m using MINLP minimizing obj;").constraints) == 1
+
+
+@pytest.mark.parametrize("option", ["option clear = x1", "Options limrow=0, KILL=x1"])
+def test_options_that_take_bounds_back_are_refused(read, option: str) -> None:
+    """GAMS gives x1 its default bounds again: the minimum is then not at 2."""
+    text = "Variables x1,objvar; Equations e1;\ne1.. objvar =E= sqr(x1);\nx1.lo = 2;\n"
+    with pytest.raises(FormatError, match=r"case.gms:4: .* expected only options that leave"):
+        read(f"{text}{option};\nSolve m using NLP minimizing objvar;")
+    assert read(f"{text}option limrow=0;\nSolve m using NLP minimizing objvar;").lower[0] == 2
