@@ -22,9 +22,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from sparsepop_py.compat.intervals import interval_details
+from sparsepop_py.compat.intervals import IntervalsDetail, interval_details
 from sparsepop_py.compat.mat import load, save
-from sparsepop_py.compat.output import cell, intervals_struct, matlab_structs
+from sparsepop_py.compat.output import (
+    SparsePOPOutput,
+    cell,
+    intervals_struct,
+    matlab_structs,
+)
 from sparsepop_py.compat.sparsepop import sparsePOP
 from sparsepop_py.errors import ProblemError, SparsePOPError
 
@@ -79,11 +84,7 @@ def answer(path: str | os.PathLike[str]) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            question = _question(path)
-            os.chdir(_text(question["folder"]))
-            called = _task(_text(question.get("task", "sparsePOP")))
-            outputs = called(*map(_text, question["arguments"].ravel()))
-            reply["outputs"] = cell(outputs, row=True)
+            reply["outputs"] = cell(_outputs(_question(path)), row=True)
         except (SparsePOPError, OSError) as error:
             reply["error"] = _counted_from_one(str(error))
     reply["warnings"] = cell([_counted_from_one(str(warning.message)) for warning in caught])
@@ -91,26 +92,69 @@ def answer(path: str | os.PathLike[str]) -> None:
     save(path, reply)
 
 
-def _structs(*arguments: Any) -> list[Any]:
-    return list(matlab_structs(sparsePOP(*arguments)).values())
+def _structs(found: SparsePOPOutput) -> list[Any]:
+    return list(matlab_structs(found).values())
 
 
-def _intervals(*arguments: Any) -> list[Any]:
-    return [intervals_struct(interval_details(*arguments))]
+def _intervals(found: IntervalsDetail) -> list[Any]:
+    return [intervals_struct(found)]
+
+
+def _listed(found: Any) -> list[Any]:
+    if not isinstance(found, list):
+        raise ProblemError(
+            f"task: found a function that returns {type(found).__name__}, expected a list of "
+            "structs"
+        )
+    return found
 
 
 _GUESTS = ("setid",)  # packages whose functions may be asked for by name
-_TASKS = {"sparsePOP": _structs, "sparsePOPintervals": _intervals}
+_TASKS: dict[str, tuple[Any, Any]] = {  # what is called, and what makes its outputs structs
+    "sparsePOP": (sparsePOP, _structs),
+    "sparsePOPintervals": (interval_details, _intervals),
+}
 
 
-def _task(name: str) -> Any:
+def _outputs(question: dict[str, Any]) -> list[Any]:
+    """Do what a question asks for, in its folder."""
+    where = _field(question, "folder")
+    if not isinstance(where, str):
+        raise ProblemError(f"folder: found {type(where).__name__}, expected the path of a folder")
+    called, made = _task(_text(question.get("task", "sparsePOP")))
+    arguments = [_text(value) for value in np.ravel(_field(question, "arguments"))]
+    try:
+        signature(called).bind(*arguments)
+    except TypeError as error:
+        raise ProblemError(
+            f"arguments: found {len(arguments)}, expected those of {called.__name__}: {error}"
+        ) from None
+    os.chdir(where)
+    outputs: list[Any] = made(called(*arguments))
+    return outputs
+
+
+def _field(question: dict[str, Any], name: str) -> Any:
+    if name not in question:
+        raise ProblemError(f"question: found no variable {name!r}, expected arguments and folder")
+    return _text(question[name])
+
+
+def _task(name: Any) -> tuple[Any, Any]:
     """A task by its name, or ``module:function`` of a package that stands on this one."""
-    if name in _TASKS:
+    expected = f"one of {', '.join(_TASKS)}, or module:function of {', '.join(_GUESTS)}"
+    if isinstance(name, str) and name in _TASKS:
         return _TASKS[name]
-    module, _, function = name.partition(":")
+    module, _, function = str(name).partition(":")
     if module.split(".")[0] not in _GUESTS:
-        raise ProblemError(f"task: found {name!r}, expected one of {', '.join(_TASKS)}")
-    return getattr(import_module(module), function)
+        raise ProblemError(f"task: found {name!r}, expected {expected}")
+    try:
+        called = getattr(import_module(module), function)
+    except (ModuleNotFoundError, AttributeError):
+        called = None
+    if not callable(called):
+        raise ProblemError(f"task: found {name!r}, expected {expected}")
+    return called, _listed
 
 
 def serve() -> None:
@@ -161,13 +205,13 @@ def _question(path: Path) -> dict[str, Any]:
         except np.exceptions.ComplexWarning:
             pass
     question = load(path)
-    arguments = question["arguments"].ravel()
+    arguments = np.ravel(_field(question, "arguments"))
     names = ["objPoly", "ineqPolySys", "lbd", "ubd", "param"]
     task = _text(question.get("task", ""))
     if task == "sparsePOPintervals":
         names = ["ineqPolySys", "lbd", "ubd", "indices", "param"]
     elif ":" in task:
-        names = list(signature(_task(task)).parameters)
+        names = list(signature(_task(task)[0]).parameters)
     elif arguments.size <= 2:
         del names[1:4]
     places = (_complex(value, name) for value, name in zip(arguments, names, strict=False))

@@ -128,6 +128,29 @@ def test_complex_numbers_are_refused(file: Path, arguments: Any, place: str) -> 
     assert answer["error"].item() == f"{place}: found complex numbers, expected real ones"
 
 
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"folder": None}, "question: found no variable 'folder'"),
+        ({"arguments": None}, "question: found no variable 'arguments'"),
+        ({"folder": 3.0}, "folder: found ndarray, expected the path of a folder"),
+        ({"arguments": cell()}, "arguments: found 0, expected those of sparsePOP"),
+        ({"arguments": cell(*[1.0] * 6)}, "arguments: found 6, expected those of sparsePOP"),
+        ({"task": "sparsePOPintervals", "arguments": cell()}, "arguments: found 0"),
+        ({"task": 3.0}, "task: found array"),
+        ({"task": "setid:nothing"}, "task: found 'setid:nothing', expected one of sparsePOP"),
+        ({"task": "setid.nothing:f"}, "task: found 'setid.nothing:f'"),
+        ({"task": "setid:Stable", "arguments": cell()}, "task: found a function that returns"),
+    ],
+)
+def test_malformed_questions_are_answered(file: Path, changed: dict[str, Any], message: str):
+    asked = {"arguments": cell(OBJECTIVE, [], [0, 0], [1, 1]), "folder": str(file.parent)}
+    question = {name: value for name, value in (asked | changed).items() if value is not None}
+    scipy.io.savemat(file, question)
+    door.answer(file)
+    assert read(file)["error"][0].startswith(message)
+
+
 def test_files_are_relative_to_the_folder_named(file: Path, tmp_path: Path) -> None:
     problem = sp.from_structs(OBJECTIVE, [LINE], [0, 0], [1, 1])
     sp.write_gms(problem, tmp_path / "line.gms")
