@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from sparsepop_py.commands.parsers import add_command
-from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.errors import FormatError, ProblemError, check_writable
 from sparsepop_py.study.store import Store
 from sparsepop_py.study.study import BaseStudy, status_of, table_of
 
@@ -54,6 +54,7 @@ def _run(arguments: argparse.Namespace) -> int:
     """Return 0 if every task has a result, else 1."""
     if arguments.workers is not None and arguments.workers < 1:
         raise ProblemError(f"--workers: found {arguments.workers}, expected an integer >= 1")
+    check_writable(arguments.study, "STUDY")
     tasks = arguments.prepare(arguments) if arguments.prepare is not None else []
     if not tasks:
         _expect(arguments.study, arguments.study_type)
@@ -80,6 +81,7 @@ def _status(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
+    check_writable(arguments.out, "OUT")
     store = Store(arguments.study)
     if arguments.results:
         _expect(arguments.study, arguments.study_type)

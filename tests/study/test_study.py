@@ -571,6 +571,27 @@ def test_wrong_files_leave_no_study_behind(
     assert sorted(Path().iterdir()) == before
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["run", "none/a.study", "square.txt"], "STUDY: found 'none/a.study'"),
+        (["run", "folder", "square.txt"], "STUDY: found 'folder'"),
+        (["export", "squares.study", "none/table.csv"], "OUT: found 'none/table.csv'"),
+        (["export", "squares.study", "folder"], "OUT: found 'folder'"),
+    ],
+)
+def test_outputs_in_no_folder_are_wrong_input(
+    words: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """The table of exit codes in README.md says 2 of them."""
+    monkeypatch.chdir(tmp_path)
+    Path("square.txt").write_text("min x1^2 - x1; s.t. x1 >= 0")
+    Path("folder").mkdir()
+    squares(tmp_path / "squares.study", (1,))
+    assert main(["study", *words]) == 2
+    assert named in capsys.readouterr().err
+
+
 def test_names_of_files_are_no_patterns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
