@@ -319,7 +319,8 @@ def _model_of(polyhedron: Polyhedron) -> LinearModel:
     m = polyhedron.constant.size - 2 * n
     size = np.maximum(np.abs(polyhedron.matrix[:m]).max(axis=1, initial=0.0), 1e-300)
     scale = np.exp2(-np.round(np.log2(size)))
-    low = -polyhedron.constant[:m] * scale
+    with np.errstate(over="ignore"):  # an infinite number here leaves the row to the exact part
+        low = -polyhedron.constant[:m] * scale
     high = np.where(polyhedron.equality[:m], low, np.inf)
     columns = (-polyhedron.constant[m : m + n], polyhedron.constant[m + n :])
     matrix = sps.csr_array(polyhedron.matrix[:m] * scale[:, None])

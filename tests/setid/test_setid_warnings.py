@@ -58,3 +58,15 @@ def test_the_next_call_warns_again() -> None:
     for _ in range(2):
         with pytest.warns(setid.SetidWarning, match="zero throughout"):
             CALLS["held out"](record(0.0))
+
+
+def test_huge_noise_bounds_do_not_warn_of_overflows() -> None:
+    """With |e| <= 1e300 each a1 of [-1e299, 1e299] explains samples of size 1."""
+    u, y = np.arange(12.0) % 3, np.arange(12) * 7 % 5 / 5
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        noise = setid.Noise(equation=1e300)
+        model = setid.TransferFunction(1, 1, 1)
+        found = setid.identify(setid.IOData(u, y), model, noise, options=QUICK)
+    low, high = found.intervals["a1"].outer
+    assert low <= -1e299 and high >= 1e299
