@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from setid.data.checks import word
 from setid.errors import DataError
+from sparsepop_py.files import can_name_a_file
 
 __all__ = ["column_names", "Column", "Table", "check_distinct", "read_table"]
 
@@ -167,7 +168,8 @@ def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
 
     Tabs that separate fields stay, since a missing first or last field is empty.
     """
-    if not isinstance(path, (str, os.PathLike)):
+    named = isinstance(path, (str, os.PathLike)) and isinstance(os.fspath(path), str)
+    if not named or not can_name_a_file(os.fspath(path)):
         raise DataError(f"path: found {path!r:.60}, expected the name of a file")
     try:
         text = Path(path).read_text(encoding="utf-8-sig")

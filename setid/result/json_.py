@@ -110,7 +110,9 @@ def from_json(text: str) -> Identification:
         found = parsed(text)
     except (ValueError, TypeError, RecursionError) as error:
         raise SetidError(f"from_json: {error}, expected JSON text") from None
-    head = [found.get(key) for key in ("format", "is", "version")] if type(found) is dict else []
+    if type(found) is not dict:
+        raise SetidError(f"from_json: found {text[:40]!r}, expected an object of JSON")
+    head = [found.get(key) for key in ("format", "is", "version")]
     if head != [_FORMAT, _KIND, _VERSION]:
         raise SetidError(
             f"from_json: found {head}, expected {[_FORMAT, _KIND, _VERSION]} as format, kind and "

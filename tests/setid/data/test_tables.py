@@ -202,3 +202,9 @@ def test_columns_are_listed_as_the_table_is_read(
     tmp_path: Path, text: str, decimal: str, header: int | None, names: list[str | int]
 ) -> None:
     assert column_names(written(tmp_path, text), decimal, header) == names
+
+
+@pytest.mark.parametrize("name", ["", "a\0b.csv", b"record.csv"])
+def test_names_that_no_table_has_are_refused(name: object) -> None:
+    with pytest.raises(setid.DataError, match="^path: found .* expected the name of a file"):
+        setid.IOData.from_csv(name, "u", "y")  # type: ignore[arg-type]
