@@ -27,6 +27,7 @@ from sparsepop_py.files import read_text, write_text
 
 __all__ = ["read_sdpa", "write_info", "write_sdpa"]
 
+_MOST_ROWS = 10**8  # of a program: its dense right-hand side then has 0.8 GB
 _ROOT2 = float(np.sqrt(2.0))
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 _PUNCTUATION = re.compile(r"[,(){}\[\]]")  # the format allows it around and between numbers
@@ -148,6 +149,8 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     sizes = [int(v) for v in reader.numbers(_, "bLOCKsTRUCT", whole=True)]
     if any(size == 0 for size in sizes):
         reader.fail("found a block of size 0, expected other sizes")
+    if sum(size * (size + 1) // 2 if size > 0 else -size for size in sizes) > _MOST_ROWS:
+        reader.fail(f"found blocks of more than {_MOST_ROWS} entries, expected fewer")
     q = np.array(reader.numbers(m, "the objective"))
     table = reader.entries()
     matrix, block, i, j, value = _checked(table, m, sizes, reader)
@@ -159,6 +162,11 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     return _with_equations(program)
 
 
+def _value(text: str) -> float:
+    """Read a number, whose exponent may be written with d as in Fortran."""
+    return float(text.lower().replace("d", "e"))
+
+
 class _Lines:
     """The lines of a file, comments left out, and where we are."""
 
@@ -168,7 +176,7 @@ class _Lines:
         while self.number < len(lines) and lines[self.number].lstrip()[:1] in ('"', "*"):
             found = re.search(r'offset (\S+?)"', lines[self.number])
             if found and _NUMBER.fullmatch(found.group(1)):
-                self.offset = float(found.group(1))
+                self.offset = _value(found.group(1))
             self.number += 1
 
     def fail(self, message: str) -> None:
@@ -184,10 +192,10 @@ class _Lines:
 
     def whole(self, what: str) -> int:
         found = _NUMBER.search(self.next(what))
-        if found is None or not float(found.group()).is_integer() or float(found.group()) < 1:
+        value = _value(found.group()) if found else 0.0
+        if not value.is_integer() or value < 1:
             self.fail(f"expected {what}, a positive integer")
-        assert found is not None
-        return int(float(found.group()))
+        return int(value)
 
     def numbers(self, count: int, what: str, whole: bool = False) -> list[float]:
         found: list[float] = []
@@ -196,7 +204,7 @@ class _Lines:
             for field in fields[: count - len(found)]:  # what follows is a comment
                 if not _NUMBER.fullmatch(field):
                     self.fail(f"found {field!r}, expected {what}, {count} numbers")
-                found.append(float(field.lower().replace("d", "e")))
+                found.append(_value(field))
             if whole and any(not value.is_integer() for value in found):
                 self.fail(f"expected {what}, integers")
         return found[:count]
@@ -212,7 +220,7 @@ class _Lines:
                 continue
             if len(found) != 5:
                 self.fail(f"found {len(found)} numbers, expected matrix, block, row, column, value")
-            rows.append([float(t.lower().replace("d", "e")) for t in found])
+            rows.append([_value(text) for text in found])
         return np.array(rows, float).reshape(-1, 5)
 
 
@@ -221,7 +229,7 @@ def _checked(
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     index, value = table[:, :4], table[:, 4]
     limit = np.abs(np.array(sizes))
-    fits = np.all(index % 1 == 0, axis=1) & (index[:, 0] >= 0) & (index[:, 0] <= m)
+    fits = np.all(index == np.floor(index), axis=1) & (index[:, 0] >= 0) & (index[:, 0] <= m)
     fits &= (index[:, 1] >= 1) & (index[:, 1] <= len(sizes)) & np.isfinite(value)
     block = np.where(fits, index[:, 1], 1).astype(int)
     most = limit[block - 1]

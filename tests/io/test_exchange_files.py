@@ -320,6 +320,9 @@ def test_diagonal_blocks(tmp_path: pathlib.Path) -> None:
         ("2\n1\n", r"ends where bLOCKsTRUCT was expected"),
         ("1\n1\n0\n1\n", r"found a block of size 0"),
         ("1\n1\n1.5\n1\n", r"expected bLOCKsTRUCT, integers"),
+        ("1\n1\n99999999999999999999\n1\n", r":3: found blocks of more than 100000000 entries"),
+        ("1\n2\n-1 20000\n1\n", r":3: found blocks of more than 100000000 entries"),
+        ("1\n1\n2\n1\n1 1 1e400 1 1\n", r"found the entry 1 1 inf 1 1"),
         ("2\n1\n2\n1.0 x\n1 1 1 1 1\n", r":4: found 'x', expected the objective, 2 numbers"),
         ("2\n1\n2\n1.0 nan\n1 1 1 1 1\n", r":4: found 'nan', expected the objective"),
         ("1\n1\n2\n1\n1 1 1 1\n", r":5: found 4 numbers, expected matrix, block, row"),
@@ -334,6 +337,13 @@ def test_malformed_sdpa(tmp_path: pathlib.Path, text: str, message: str) -> None
     path.write_text(text)
     with pytest.raises(FormatError, match=message):
         sp.read_sdpa(path)
+
+
+def test_numbers_of_sdpa_files_may_be_written_as_in_fortran(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "fortran.dat-s"
+    path.write_text('"offset 1d1"\n1D0\n1\n-1\n2.5d0\n0 1 1 1 2.0D+0\n1 1 1 1 1d0\n')
+    program = sp.read_sdpa(path)
+    assert (program.offset, program.q.tolist()) == (10.0, [2.5])
 
 
 def test_only_conic_programs_are_written_as_sdpa(tmp_path: pathlib.Path) -> None:
