@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import sparsepop_py as sp
+from setid.data.checks import entries_of
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError
@@ -198,7 +199,16 @@ class Study(BaseStudy):
         OutputError
             If another run writes the file.
         """
-        self._add([self._task(*task) for task in tasks])
+        expected = "name, data, model, noise, priors, options and tags"
+        entries = []
+        for number, task in enumerate(entries_of(tasks, "tasks", "a list of tasks", SetidError)):
+            parts = entries_of(task, f"tasks[{number}]", expected, SetidError)
+            if not 4 <= len(parts) <= 7:
+                raise SetidError(
+                    f"tasks[{number}]: found {len(parts)} entries, expected {expected}"
+                )
+            entries.append(self._task(*parts))
+        self._add(entries)
 
     def _task(
         self,
@@ -217,7 +227,8 @@ class Study(BaseStudy):
         if options is not None and not isinstance(options, Options):
             raise SetidError(f"options: found {type(options).__name__}, expected setid.Options")
         several = isinstance(priors, (list, tuple)) or not hasattr(priors, "__dataclass_fields__")
-        given = tuple(priors) if several else (priors,)
+        listed = entries_of(priors, "priors", "priors", SetidError) if several else [priors]
+        given = tuple(listed)
         settings = _repeatable(options or Options())
         return self._entry(name, (data, model, noise, given, settings), tags)
 

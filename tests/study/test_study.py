@@ -813,3 +813,23 @@ def test_results_without_a_file_for_the_checker_keep_none_of_the_others(tmp_path
     with pytest.raises(ProblemError, match="wrote 1 files, none of 1 more: 'bare'"):
         study.export_results(tmp_path / "results")
     assert [path.name for path in (tmp_path / "results").iterdir()] == ["gain.json"]
+
+
+@pytest.mark.parametrize(
+    ("tasks", "message"),
+    [
+        (3, "^tasks: found int, expected a list of tasks"),
+        ([3], r"^tasks\[0\]: found int, expected name, data, model"),
+        ([("a", None)], r"^tasks\[0\]: found 2 entries, expected name, data, model"),
+        ([("a", *[None] * 7)], r"^tasks\[0\]: found 8 entries"),
+        ("priors", "^priors: found int, expected priors"),
+    ],
+)
+def test_malformed_lists_of_identifications_are_refused(
+    tasks: object, message: str, tmp_path: Path
+) -> None:
+    data, model = setid.IOData([0.0, 1, 0], [0.0, 0, 1]), setid.TransferFunction(1, 1, 1)
+    if tasks == "priors":
+        tasks = [("a", data, model, setid.Noise(equation=1), 3)]
+    with pytest.raises(setid.SetidError, match=message):
+        setid.Study(tmp_path / "a.study").add_all(tasks)  # type: ignore[arg-type]
