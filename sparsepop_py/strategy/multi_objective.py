@@ -128,7 +128,8 @@ class MultiObjectiveSearch:
             self._plan_first_searches()
             if self._parallel:
                 self._turns_apart()
-            self._first_searches()
+            if not self.over:
+                self._first_searches()  # those that an executor which failed has left
             turn = 1  # every objective takes its cheapest step before costlier ones are tried
             while not self.over:
                 for index in range(len(self.searches)):
