@@ -199,7 +199,7 @@ def test_witnesses_that_are_no_members_are_refused() -> None:
     ("text", "why"),
     [
         ("", "JSON"),
-        ("[]", "format"),
+        ("[]", "expected an object of JSON"),
         ('{"format":"setid","version":1,"is":"identification"}', "format"),
         ('{"format":"setid","version":1,"is":"result","result":{}}', "result.data: found nothing"),
     ],
