@@ -448,7 +448,8 @@ class AdaptiveSearch:
             candidates_from_moments(relaxation, box_bound.solution, scaled.scaling) if full else []
         )
         if box_bound.solution is not None and box_bound.solution.status in ("solved", "almost"):
-            starts.append(first_moments(scaled, relaxation, box_bound.solution.y))
+            point = first_moments(scaled, relaxation, box_bound.solution.y)
+            starts = [*(x for x in starts if not np.array_equal(x, point)), point]
         poor = self.context.upper - STRATEGY.poor_cutoff_share * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
