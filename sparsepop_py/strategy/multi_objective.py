@@ -198,23 +198,15 @@ class MultiObjectiveSearch:
 
     def _first_searches(self) -> None:
         """Run the first local searches that are left, in this process."""
-        known = len(self.points)
         for index in sorted(self.unsearched):
             self.unsearched.discard(index)
             self._first_search(index).take()
-            self._keep_point(index)
-        self._share_points(self.points[known:])
+            self._share_point(index)
 
     def _first_search(self, index: int) -> FirstSearch:
         working_set = self.working_sets[index] if self.working_sets else None
         every = not self.shared_state.products.has_star
         return FirstSearch(self.searches[index], working_set, self.starts, self.points, every)
-
-    def _keep_point(self, index: int) -> None:
-        """Keep the incumbent of an objective for all others."""
-        best = self.searches[index].context.best
-        if best is not None and all(best is not known for known in self.points):
-            self.points.append(best)
 
     def _tighten(self) -> None:
         """Tighten the shared box by linear programs, once."""
@@ -238,9 +230,9 @@ class MultiObjectiveSearch:
         self._turn(index, most).take()
         self._share(index)
 
-    def _turn(self, index: int, most: int) -> Turn:
+    def _turn(self, index: int, most: int, returns: bool = False) -> Turn:
         working_set = self.working_sets[index] if self.working_sets else None
-        return Turn(self.searches[index], working_set, self.model, most)
+        return Turn(self.searches[index], working_set, self.model, most, returns)
 
     def _share(self, index: int) -> None:
         """Let all objectives have what one has found and proved."""
@@ -328,9 +320,8 @@ class MultiObjectiveSearch:
         """Choose what an objective does next: local searches, or a turn."""
         if index in self.unsearched:
             return self._first_search(index)
-        turn = self._turn(index, 1 if number == 1 else STRATEGY.turn_steps)
-        turn.returns = not self.working_sets
-        return turn
+        steps = 1 if number == 1 else STRATEGY.turn_steps
+        return self._turn(index, steps, returns=not self.working_sets)
 
     def _rank(self, index: int, taken: int) -> tuple[float, ...]:
         """Return what objectives are sorted by: searches, first turns, then the largest gaps."""
@@ -356,8 +347,9 @@ class MultiObjectiveSearch:
 
     def _share_point(self, index: int) -> None:
         """Try the incumbent of an objective on all others."""
-        known = len(self.points)
-        self._keep_point(index)
+        best, known = self.searches[index].context.best, len(self.points)
+        if best is not None and all(best is not point for point in self.points):
+            self.points.append(best)
         self._share_points(self.points[known:])
 
     def _share_points(self, points: list[ProvedPoint]) -> None:

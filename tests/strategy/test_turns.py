@@ -23,7 +23,7 @@ from sparsepop_py.executors.processes import Processes
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import multi_objective
 from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch, _RepairOnce
-from sparsepop_py.strategy.turns import Turn, TurnsApart
+from sparsepop_py.strategy.turns import FirstSearch, Turn, TurnsApart
 
 ENDS = ((sqrt(3) - 1) / 2, (sqrt(3) + 1) / 2)  # by hand, in docs/many_objectives.md
 
@@ -84,13 +84,6 @@ def test_objectives_go_to_the_workers_and_come_back_whole():
     for result in results:
         assert result.options.executor is executor
         assert result.timings
-
-
-@pytest.mark.parametrize("tasks", [0, 1, 3])
-def test_an_executor_that_refuses_turns_is_replaced_by_this_process(tasks):
-    results = bounded(Here(tasks))
-    checked(results)
-    assert any("the executor failed" in note for result in results for note in result.notes)
 
 
 class Lost(Here):
@@ -313,10 +306,43 @@ def test_searches_on_working_sets_come_back_with_those_of_the_whole(monkeypatch)
 
 
 @pytest.mark.parametrize("tasks", [0, 1, 3])
-def test_first_searches_that_an_executor_refuses_are_done_here(tasks):
-    results = ends_of_record(Here(tasks))
-    checked_record(results)
+@pytest.mark.parametrize(
+    ("work", "holds"), [(bounded, checked), (ends_of_record, checked_record)], ids=["", "star"]
+)
+def test_what_an_executor_refuses_is_done_here(work, holds, tasks):
+    """Turns, and where there is a star first searches."""
+    results = work(Here(tasks))
+    holds(results)
     assert any("the executor failed" in note for result in results for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("unsearched", "over", "goes"),
+    [(set(), False, True), ({0}, False, True), ({1}, False, False), ({1}, True, True)],
+)
+def test_a_turn_waits_for_the_search_of_the_other_objective_of_its_pair(unsearched, over, goes):
+    """Unless that needs none any more."""
+    searches = [SimpleNamespace(over=False, exhausted=False), SimpleNamespace(over=over)]
+    several = SimpleNamespace(searches=searches, pairs={0: 1, 1: 0}, unsearched=unsearched)
+    assert MultiObjectiveSearch._goes_on(several, 0, SimpleNamespace(objectives=set()), {}) is goes
+
+
+def test_no_search_begins_once_time_is_over(monkeypatch):
+    taken = []
+    monkeypatch.setattr(FirstSearch, "take", lambda search: taken.append(search))
+    monkeypatch.setattr(MultiObjectiveSearch, "_turns_apart", lambda self: self.deadline.stop())
+    results = ends_of_record(Here())
+    assert not taken and all(result.status is not Status.OPTIMAL for result in results)
+
+
+@pytest.mark.parametrize(("others", "few"), [(2, True), (3, False)])
+def test_a_tree_is_grown_here_where_few_objectives_are_left(others, few):
+    searches = [SimpleNamespace(over=k > others, branches=True) for k in range(6)]
+    options = SimpleNamespace(executor=Here())
+    several = SimpleNamespace(searches=searches, options=options, working_sets=[])
+    assert MultiObjectiveSearch._is_divided(several, 0) is few
+    searches[0].branches = False
+    assert not MultiObjectiveSearch._is_divided(several, 0)
 
 
 def test_trees_of_the_last_objectives_are_grown_here(monkeypatch):

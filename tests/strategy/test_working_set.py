@@ -17,6 +17,7 @@ from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search import slp
+from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel
 from sparsepop_py.strategy import settings, working_set
@@ -441,3 +442,16 @@ def test_a_turn_on_a_set_goes_on_where_little_is_left(left, on_set, steps):
     own = SimpleNamespace(step=lambda: taken.append(1) is None) if on_set else None
     Turn(cast(Any, search), cast(Any, own), cast(Any, None), 3).take()
     assert len(taken) == steps
+
+
+@pytest.mark.parametrize(("over", "exhausted"), [(True, False), (False, True), (False, False)])
+def test_a_set_with_nothing_left_to_do_hands_over_to_the_whole(over, exhausted, monkeypatch):
+    """Else turn after turn would end where it began."""
+    u, y = record()
+    whole = search_on(problem_of(u, y))
+    whole.context, _ = update_incumbent(whole.context, [whole.model.box.middle()])
+    own = WorkingSetSearch(whole, CostModel())
+    assert own._ready()
+    monkeypatch.setattr(AdaptiveSearch, "over", over)
+    own.search.exhausted = exhausted
+    assert own._ready() is not (over or exhausted)

@@ -190,6 +190,16 @@ def test_workers_refute_what_lies_below_the_least_value_alone(below: float) -> N
     assert certificate.bound <= least(problem) + 1e-9
 
 
+@pytest.mark.parametrize("limit", [None, 50.0])
+def test_the_box_of_a_node_is_divided_unless_runs_have_to_repeat(limit) -> None:
+    """The path would depend on the number of workers."""
+    _, search = planted()
+    search.context = replace(search.context, deadline=Deadline(None, work_limit=limit))
+    with Counting() as executor:
+        search.grow(1, lambda: False, executor)
+    assert (executor.tasks > 0) == (limit is None)
+
+
 def test_a_broken_executor_costs_no_bound() -> None:
     problem = record()
     cutoff = least(problem) + 0.05
