@@ -25,7 +25,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.float_propagation import FloatPropagation
-from sparsepop_py.branch_and_bound.open_node import OpenNode, certificate_node
+from sparsepop_py.branch_and_bound.open_node import OpenNode, branching_point, certificate_node
 from sparsepop_py.branch_and_bound.product_model import LinearData, ProductModel, SquareCut
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
 from sparsepop_py.budget import check, spend, spent
@@ -553,15 +553,12 @@ class LinearTree:
             return
         v = self._undecided(node, program)
         v = int(chosen[np.argmax(score)]) if v is None else v
-        low, high = float(node.low[v]), float(node.high[v])
-        point = middle = 0.5 * low + 0.5 * high
+        value = None
         if program is not None and program.t is not None:
             scaling = program.data.scaling
             value = float(scaling.centre[v] + scaling.scale[v] * program.t[v])
-            point = LINEAR_TREE.middle * middle + (1.0 - LINEAR_TREE.middle) * value
-        edge = LINEAR_TREE.edge * (high - low)
-        point = float(np.clip(point, low + edge, high - edge))
-        self._split(node, v, point)
+        ends = float(node.low[v]), float(node.high[v])
+        self._split(node, v, branching_point(ends, value, LINEAR_TREE.middle, LINEAR_TREE.edge))
 
     def _split(self, node: _Open, v: int, point: float) -> None:
         """Split a node at a point of a variable, and queue both halves."""

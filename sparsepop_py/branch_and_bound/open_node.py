@@ -1,14 +1,16 @@
-"""Nodes of a growing search tree, and the certificate's nodes that are made of them."""
+"""Nodes of a growing search tree, where they are branched, and the certificate's nodes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Self
 
+import numpy as np
+
 from sparsepop_py.verified.certificate.certificate import Argument, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Step
 
-__all__ = ["OpenNode", "certificate_node"]
+__all__ = ["OpenNode", "branching_point", "certificate_node"]
 
 
 @dataclass(eq=False, kw_only=True)
@@ -60,3 +62,38 @@ def certificate_node(root: OpenNode) -> Node:
             empty = node.empty and node.argument is not None
             made[id(node)] = Node(steps, node.argument, empty)
     return made[id(root)]
+
+
+def branching_point(
+    ends: tuple[float, float], value: float | None, middle: float, edge: float
+) -> float:
+    """Choose a branching point between the middle of an interval and a value in it.
+
+    Parameters
+    ----------
+    ends : (float, float)
+        Of the interval.
+    value : float or None
+        That of the variable in a relaxation; the middle where there is none.
+    middle : float
+        Weight of the middle, up to 1.
+    edge : float
+        Share of the width that the point keeps from both ends.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> branching_point((0.0, 1.0), 0.75, middle=0.5, edge=0.25)
+    0.625
+    >>> branching_point((0.0, 1.0), 1.0, middle=0.25, edge=0.25)
+    0.75
+    """
+    low, high = ends
+    point = centre = 0.5 * low + 0.5 * high
+    if value is not None:
+        point = middle * centre + (1.0 - middle) * value
+    away = edge * (high - low)
+    return float(np.clip(point, low + away, high - away))

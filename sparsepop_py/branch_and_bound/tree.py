@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
-from sparsepop_py.branch_and_bound.open_node import OpenNode, certificate_node
+from sparsepop_py.branch_and_bound.open_node import OpenNode, branching_point, certificate_node
 from sparsepop_py.branch_and_bound.settings import BRANCHING
 from sparsepop_py.budget import spend
 from sparsepop_py.context import SolveContext
@@ -266,11 +266,9 @@ class Search:
         if not chosen.size or score.max() < 0:
             return None
         v = int(chosen[np.argmax(score)])
-        point = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
-        if found.point is not None:
-            point = BRANCHING.middle * middle + (1.0 - BRANCHING.middle) * float(found.point[v])
-        edge = BRANCHING.edge * (box.hi[v] - box.lo[v])
-        return v, float(np.clip(point, box.lo[v] + edge, box.hi[v] - edge))
+        ends = float(box.lo[v]), float(box.hi[v])
+        value = None if found.point is None else float(found.point[v])
+        return v, branching_point(ends, value, BRANCHING.middle, BRANCHING.edge)
 
     def certificate(self) -> Certificate | None:
         """Build the certificate of the current tree, None where nothing is proved."""

@@ -103,7 +103,7 @@ def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]
         In the relaxation's variables; 0 for a variable of which no moment tells.
     """
     moments = np.append(1.0, y)
-    number = relaxation.moment_numbers(_letters(relaxation))
+    number = relaxation.variable_numbers
     point = np.where(number > 0, moments[np.maximum(number, 0)], 0.0)
     either = _without_first_moment(relaxation)
     point[either] = _roots(relaxation, moments, either)
@@ -115,7 +115,7 @@ def _letters(relaxation: Relaxation) -> Words:
 
 
 def _without_first_moment(relaxation: Relaxation) -> NDArray[np.int64]:
-    return np.flatnonzero(relaxation.moment_numbers(_letters(relaxation)) < 0)
+    return np.flatnonzero(relaxation.variable_numbers < 0)
 
 
 def _vanishing(

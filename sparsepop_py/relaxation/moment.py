@@ -152,6 +152,12 @@ class Relaxation(ReadOnly):
         return np.where(words.any(axis=1), np.where(number < 0, -1, number + 1), 0)
 
     @cached_property
+    def variable_numbers(self) -> NDArray[np.int64]:
+        """Column of each variable in ``entries``, shape (n,); -1 where it is no moment here."""
+        letters = np.arange(1, self.problem.dimension + 1, dtype=np.int32)[:, None]
+        return self.moment_numbers(letters)
+
+    @cached_property
     def scaled_rows(self) -> tuple[sps.csc_array, NDArray[np.float64]]:
         """Matrix A and vector b of the conic rows A y + s = b.
 

@@ -118,18 +118,13 @@ class LinearRelaxation:
 
     def holds(self, variable: int) -> bool:
         """Check whether a variable occurs in the relaxation."""
-        return bool(self._columns[variable] >= 0)
+        return bool(self.relaxation.variable_numbers[variable] > 0)
 
     def reach(self, variable: int, side: int, time_limit: float | None = None) -> LinearSolution:
         """Minimise side * x_v."""
         cost = np.zeros(self.program.q.size)
-        cost[self._columns[variable]] = side
+        cost[self.relaxation.variable_numbers[variable] - 1] = side
         return self.model.solve(cost, time_limit)
-
-    @cached_property
-    def _columns(self) -> NDArray[np.int64]:
-        letters = np.arange(1, self.scaled.problem.dimension + 1, dtype=np.int32)[:, None]
-        return self.relaxation.moment_numbers(letters) - 1
 
     @cached_property
     def _rows(self) -> tuple[NDArray[np.int64], Words, NDArray[np.bool_], NDArray[np.float64]]:
@@ -202,8 +197,7 @@ class LinearRelaxation:
 
     def point(self, solution: LinearSolution) -> NDArray[np.float64]:
         """Return the point x of a solution's first moments, shape (n,)."""
-        t = _present(solution.x, self._columns)
-        return self.scaled.scaling.point(np.clip(t, -1.0, 1.0))
+        return first_moments(self.scaled, self.relaxation, solution.x)
 
     def products_error(self, solution: LinearSolution) -> NDArray[np.float64]:
         """Sum the violations of products at a solution by variable, shape (n,)."""
@@ -221,16 +215,14 @@ def first_moments(
     scaled: Scaled, relaxation: Relaxation, y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the point x whose scaled form has the moments of degree one, shape (n,)."""
-    letters = np.arange(1, scaled.problem.dimension + 1, dtype=np.int32)[:, None]
-    t = _present(y, relaxation.moment_numbers(letters) - 1)
+    t = _present(y, relaxation.variable_numbers - 1)
     return scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
 
 def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sum |y_a - t^a| over the monomials of each variable, shape (n,)."""
     n = relaxation.problem.dimension
-    letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
-    t = _present(y, relaxation.moment_numbers(letters) - 1)
+    t = _present(y, relaxation.variable_numbers - 1)
     words = relaxation.moments
     longer = np.flatnonzero(monomials.degrees(words) > 1)
     miss = np.abs(y[longer] - monomials.evaluate(words[longer], t))

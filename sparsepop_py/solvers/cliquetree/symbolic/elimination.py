@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.budget import check
 
-__all__ = ["Front", "amalgamate", "eliminate", "front_seconds", "maximal", "parents"]
+__all__ = ["Front", "amalgamate", "eliminate", "front_seconds", "levels_of", "maximal", "parents"]
 
 _CROWDED = 16  # a column in more cliques than this, and in a quarter of all, is a global one
 
@@ -310,6 +310,21 @@ def parents(fronts: list[Front], columns: int) -> tuple[Columns, Columns]:
         home[front.pivots] = number
     above = [int(home[f.update].min()) if f.update.size else -1 for f in fronts]
     return home, np.array(above, np.int64)
+
+
+def levels_of(parent: Columns) -> Columns:
+    """Count the fronts on the longest path from a leaf below each front, shape (F,).
+
+    Parameters
+    ----------
+    parent : (F,) int
+        Each after its children; -1 for a root.
+    """
+    level = np.zeros(parent.size, np.int64)
+    for number, above in enumerate(parent.tolist()):
+        if above >= 0:
+            level[above] = max(level[above], level[number] + 1)
+    return level
 
 
 def front_seconds(pivots: int, updates: int) -> float:

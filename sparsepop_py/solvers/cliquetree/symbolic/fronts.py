@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, check, compiled_kernels
-from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, parents
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, levels_of, parents
 
 __all__ = ["FrontFactor", "Fronts", "line_up"]
 
@@ -89,11 +89,7 @@ class Fronts:
     @cached_property
     def levels(self) -> int:
         """Length of the longest path from a leaf to a root."""
-        level = np.zeros(self.pivots.size, np.int64)
-        for number, parent in enumerate(self.parent.tolist()):
-            if parent >= 0:
-                level[parent] = max(level[parent], level[number] + 1)
-        return int(level.max(initial=-1)) + 1
+        return int(levels_of(self.parent).max(initial=-1)) + 1
 
     @cached_property
     def _home(self) -> tuple[Indices, Indices]:

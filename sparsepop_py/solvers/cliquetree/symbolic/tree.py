@@ -24,7 +24,7 @@ from sparsepop_py.solvers.cliquetree.kernels.batched import (
     lower_inverse,
     transposed,
 )
-from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, parents
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, levels_of, parents
 
 __all__ = ["Factor", "FrontStack", "Tree", "plant"]
 
@@ -137,7 +137,7 @@ def plant(fronts: list[Front], columns: int) -> Tree:
     columns : int
     """
     front, parent = parents(fronts, columns)
-    level = _levels(parent)
+    level = levels_of(parent)
     sizes = np.array([[f.pivots.size, f.update.size] for f in fronts], np.int64).reshape(-1, 2)
     padded = np.stack([_rounded(sizes[:, 0]), _rounded(sizes[:, 1])], axis=1)
     key = np.column_stack([level, padded])
@@ -156,14 +156,6 @@ def plant(fronts: list[Front], columns: int) -> Tree:
         which = np.flatnonzero(kind == number)
         stacks.append(_stack(partial, [fronts[k] for k in which], which, parent, pivots, updates))
     return Tree(tuple(stacks), columns, entries, sizes, int(level.max(initial=-1)) + 1, *lookup)
-
-
-def _levels(parent: Indices) -> Indices:
-    level = np.zeros(parent.size, np.int64)
-    for number, above in enumerate(parent.tolist()):
-        if above >= 0:
-            level[above] = max(level[above], level[number] + 1)
-    return level
 
 
 def _rounded(sizes: Indices) -> Indices:
