@@ -20,6 +20,7 @@ from scipy.optimize import nnls
 from setid.data.checks import frozen, seconds_of, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.estimators import NamedVector, least_squares
+from setid.feasible_points.fits.differences import HUGE, capped, slopes_of_errors
 from setid.feasible_points.members import is_member, members
 from setid.feasible_points.modelled_outputs import (
     fit,
@@ -45,7 +46,7 @@ _STEPS = 25  # Gauss-Newton steps
 _HALVINGS = 12  # of one step
 _CUTS = 60  # rounds in which violated rows join a least-squares program
 _INSIDE = (0.0, 1e-9, 1e-6, 1e-3)  # shares of the way to the mean of members, until proved
-_HUGE = 1e100  # stands for errors that overflow
+_PART = 1e-6  # of a parameter: step of a difference
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,8 +159,8 @@ def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
             try:
                 found = prediction_errors(rows, coordinates, theta)
             except ModelError:
-                return np.full(rows.target.size, _HUGE)
-            return found.clip(-_HUGE, _HUGE)
+                return np.full(rows.target.size, HUGE)
+            return found.clip(-HUGE, HUGE)
 
         return beyond
     counted = ~np.isnan(data.y) & ~started(model, data)[:, None]
@@ -168,8 +169,8 @@ def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
         try:
             found = (simulated(model, theta, data) - data.y)[counted]
         except (ModelError, OverflowError):
-            return np.full(int(counted.sum()), _HUGE)
-        return np.nan_to_num(found, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE).clip(-_HUGE, _HUGE)
+            return np.full(int(counted.sum()), HUGE)
+        return capped(found)
 
     return errors
 
@@ -199,7 +200,7 @@ def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals, until: flo
         pass
     best_found: tuple[float, Reals] | None = None
     for start in starts:
-        if not np.isfinite(size := _size(misfit(start))) or size >= _HUGE:
+        if not np.isfinite(size := _size(misfit(start))) or size >= HUGE:
             continue
         try:
             found = gauss_newton(timed, start, x_scale="jac", max_nfev=_STEPS)
@@ -230,7 +231,7 @@ def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals, unti
     for _ in range(_STEPS):
         if time.monotonic() >= until:
             break
-        jacobian = _jacobian(misfit, theta, errors)
+        jacobian = slopes_of_errors(misfit, theta, errors, _PART)
         step = _nearest(jacobian, errors, matrix, right - matrix @ theta)
         if step is None:
             break
@@ -267,16 +268,6 @@ def _shorter(misfit: Misfit, theta: Reals, step: Reals, size: float) -> tuple[Re
         if _size(errors) < size:
             return point, errors
     return None
-
-
-def _jacobian(misfit: Misfit, theta: Reals, errors: Reals) -> Reals:
-    columns = []
-    for i, value in enumerate(theta):
-        width = 1e-6 * max(abs(float(value)), 1e-3)
-        moved = theta.copy()
-        moved[i] += width
-        columns.append((misfit(moved) - errors) / width)
-    return np.column_stack(columns)
 
 
 def _nearest(jacobian: Reals, errors: Reals, matrix: Reals, right: Reals) -> Reals | None:

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares as gauss_newton
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
+from setid.feasible_points.fits.differences import HUGE, capped, slopes_of_errors
 from setid.feasible_points.fits.separate_denominators import has_separate_denominators, separate_fit
 from setid.models.checked_structures import coefficients_of
 from setid.models.equations import Structure
@@ -34,7 +35,7 @@ _STEPS = 200  # evaluations of a local search
 _PROGRAMS = 12  # linear programs
 _REFINED = 3  # linear programs for a given denominator
 _ROUNDED = 1e-14  # entries of orthonormal columns that are rounding
-_HUGE = 1e100  # stands for errors that overflow
+_PART = 1e-7  # of an unknown: step of a difference
 
 
 class _OutOfTime(Exception):
@@ -71,9 +72,8 @@ class _Simulation:
         try:
             errors = (self.outputs(x) - self.data.y)[self.known]
         except (ModelError, OverflowError):
-            return np.full(int(self.known.sum()), _HUGE)
-        errors = np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE)
-        return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
+            return np.full(int(self.known.sum()), HUGE)
+        return capped(errors)
 
     def at(self, denominator: Reals, shares: Callable[[Reals], Reals], norm: str = "linf") -> Reals:
         """Complete a given denominator by the unknowns with the least shares in a norm."""
@@ -85,9 +85,9 @@ class _Simulation:
         others = np.setdiff1d(np.arange(x.size), places)
         for _ in range(2):  # the errors are affine in them; differences lose digits
             values = shares(x)
-            if np.any(np.abs(values) >= _HUGE):
+            if np.any(np.abs(values) >= HUGE):
                 break
-            slopes = _slopes(shares, x, values, 1.0)[:, others]
+            slopes = slopes_of_errors(shares, x, values, 1.0)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
         best, least = x.copy(), inf
         for turn in range(_REFINED):  # orthonormal columns: near poles at 1 others lose digits
@@ -95,7 +95,7 @@ class _Simulation:
             size = float(np.abs(values).sum() if norm == "l1" else np.abs(values).max())
             if size < least:
                 best = x.copy()
-            slopes = _slopes(shares, x, values, 1.0)[:, others]
+            slopes = slopes_of_errors(shares, x, values, 1.0)[:, others]
             if not (size < (1.0 - 1e-5) * least and np.all(np.isfinite(slopes))):
                 break
             least = size
@@ -112,7 +112,7 @@ class _Simulation:
 
     def fitted(self) -> Reals:
         """Fit by least squares: a local minimiser, or the best vector in time."""
-        if self.settled or np.any(np.abs(self.errors(self.first)) >= _HUGE):
+        if self.settled or np.any(np.abs(self.errors(self.first)) >= HUGE):
             return self.first
         best, least = self.first, inf
 
@@ -212,7 +212,7 @@ def least_largest_error(
         return np.asarray(simulation.errors(at)[counted] / sizes[counted], np.float64)
 
     x = simulation.fitted() if denominator is None else simulation.at(denominator, shares)
-    if counted.size and denominator is None and np.all(np.abs(shares(x)) < _HUGE):
+    if counted.size and denominator is None and np.all(np.abs(shares(x)) < HUGE):
         x = _minimax(shares, x, until)
     return np.asarray(x[: simulation.count], np.float64)
 
@@ -223,7 +223,7 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
     for _ in range(_PROGRAMS):
         if time.monotonic() >= until:
             break
-        slope = _slopes(shares, x, values)
+        slope = slopes_of_errors(shares, x, values, _PART)
         size = np.maximum(np.linalg.norm(slope, axis=0) / np.sqrt(values.size), 1e-12)
         largest = float(np.abs(values).max())
         step = _linear_step(values, slope, radius * largest / size)
@@ -238,17 +238,6 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
             break
         radius *= 2.0 if gained > 0.7 * expected else 1.0 if gained > 0.2 * expected else 0.25
     return x
-
-
-def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals, part: float = 1e-7) -> Reals:
-    """Derivatives (R, k) by differences over a part of each unknown."""
-    found = np.zeros((values.size, x.size))
-    for place in range(x.size):
-        step = part * max(abs(float(x[place])), 1e-3)
-        moved = x.copy()
-        moved[place] += step
-        found[:, place] = (shares(moved) - values) / step
-    return found
 
 
 def _linear_step(values: Reals, slope: Reals, room: Reals, norm: str = "linf") -> Reals | None:

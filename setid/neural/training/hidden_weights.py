@@ -47,7 +47,7 @@ from setid.neural.training.smooth_weights import (
     interval_of,
     smooth_hidden_weights,
 )
-from setid.neural.training.structure import has_hidden_layer, hidden_layer
+from setid.neural.training.structure import has_hidden_layer, hidden_layer, output_signs
 from setid.proofs.evidence import as_verdict
 from sparsepop_py.algebra.read_only import ReadOnly
 
@@ -135,7 +135,7 @@ class HiddenWeights:
         if not set(_assumptions(self.data, self.bound, self.weights)) <= set(self.assumptions):
             return Verification(False, "an assumption is left out")
         task = _Task.of(self.net, self.data, self.bound, self.weights)
-        if [item.signs for item in self.choices] != _signs(task.width):
+        if [item.signs for item in self.choices] != output_signs(task.width):
             return Verification(False, "the choices of signs are not all of them")
         for item in self.choices:
             low, high = task.drawn(item.signs, item.steps)
@@ -229,7 +229,7 @@ def hidden_weights(
     task = _Task.of(net, data, bound, float(weights))
     until = time.monotonic() + seconds
     choices = []
-    options = _signs(task.width)
+    options = output_signs(task.width)
     for index, signs in enumerate(options):
         share = time.monotonic() + (until - time.monotonic()) / (len(options) - index)
         search = _Search(task, signs, share)
@@ -271,10 +271,6 @@ def _bound(net: RegressorNetwork, data: IOData, noise: Noise | float) -> float:
 def _folded(network: Network) -> float:
     """Slope of the hidden layer for negative arguments."""
     return 0.0 if network.activation[0] == "relu" else float(network.leak)
-
-
-def _signs(width: int) -> list[tuple[float, ...]]:
-    return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

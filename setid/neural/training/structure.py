@@ -6,7 +6,7 @@ from setid import ModelError
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 
-__all__ = ["hidden_layer", "has_hidden_layer"]
+__all__ = ["has_hidden_layer", "hidden_layer", "output_signs"]
 
 
 def has_hidden_layer(net: RegressorNetwork, *kinds: str) -> bool:
@@ -33,3 +33,18 @@ def hidden_layer(net: RegressorNetwork) -> Network:
             "linear last layer and one output"
         )
     return net.network
+
+
+def output_signs(width: int) -> list[tuple[float, ...]]:
+    """List the output weights 1 and -1 of so many neurons, up to permutations.
+
+    Parameters
+    ----------
+    width : int
+
+    Examples
+    --------
+    >>> output_signs(2)
+    [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]
+    """
+    return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]

@@ -34,7 +34,7 @@ from setid.neural.training.engine import (
     training_problem,
 )
 from setid.neural.training.patterns import Patterns, PatternSearch, prove_tree
-from setid.neural.training.structure import has_hidden_layer, hidden_layer
+from setid.neural.training.structure import has_hidden_layer, hidden_layer, output_signs
 from setid.neural.training.weight_boxes import (
     WeightProgram,
     WeightSearch,
@@ -203,7 +203,7 @@ def _signs(width: int, linear: bool) -> list[tuple[float, ...]]:
     """Output weights up to permutations; one choice is enough for a linear network."""
     if linear:
         return [(1.0,)]
-    return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]
+    return output_signs(width)
 
 
 def _summed(network: Network, weights: float) -> float:
