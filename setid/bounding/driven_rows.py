@@ -17,7 +17,8 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of
-from setid.bounding.engine import by_engine, first_points
+from setid.bounding.engine import by_engine
+from setid.bounding.starts import first_points
 from setid.feasible_points.start import with_offsets
 from setid.formulation.completion import place_slack
 from setid.formulation.formulation import Formulation

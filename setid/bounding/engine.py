@@ -6,7 +6,7 @@ the ends where searches find some. It comes last: it closes what other methods l
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -19,16 +19,12 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_point
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
-from setid.bounding.long_records import is_long
-from setid.feasible_points.search import coupled, search_ends
-from setid.feasible_points.start import Repair, first_point
-from setid.feasible_points.sums import ends_of_long_record
-from setid.formulation.completion import place_slack
-from setid.formulation.formulation import Formulation, count_equations, multiplied_out
-from setid.formulation.lifting import LIFTED
+from setid.bounding.starts import first_points, starts_of_engine
+from setid.feasible_points.search import coupled
+from setid.feasible_points.start import Repair
+from setid.formulation.formulation import Formulation, count_equations
 from setid.formulation.units import InUnits, in_units
 from setid.minimum_noise.conflicting_samples import conflicting_samples
-from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import objectives
 from setid.proofs.uniqueness.free_parameters import free_parameters
@@ -39,9 +35,9 @@ from setid.result.assembling import (
 )
 from setid.result.identification import Identification
 from setid.result.progress import Progress
-from sparsepop_py.budget import EARLY, Deadline, spent
+from sparsepop_py.budget import Deadline, spent
 
-__all__ = ["by_engine", "first_points", "points_at_ends", "recheck_results"]
+__all__ = ["by_engine", "recheck_results"]
 
 _SEARCH = 10.0  # units of work, and what the proof took, to find samples that contradict each other
 _FITS = 0.25  # of the time left, for ends of long records by simulations
@@ -87,10 +83,8 @@ def by_engine(
     outcome = replace(outcome, results=results, notes=tuple(notes))
     if any(r.status is sp.Status.INFEASIBLE for r in results):
         most = _SEARCH + spent() - begin if context.until == inf else inf
-        deadline, options = (
-            Deadline.before(context.until, most),
-            context.settings.for_engine("absolute"),
-        )
+        deadline = Deadline.before(context.until, most)
+        options = context.settings.for_engine("absolute")
         keys = context.timed(
             "conflicting samples", lambda: conflicting_samples(formulation, options, deadline)
         )
@@ -126,7 +120,7 @@ def _solve(
         start, points = first_points(formulation, problem, scaled, context)
         at_ends = False
         if start is not None:
-            find = partial(_ends, formulation, problem, scaled, start, fits)
+            find = partial(starts_of_engine, formulation, problem, scaled, start, fits)
             found, at_ends = context.kept("start", find, ([], False))
             points = [*found, *points]
     engine = settings.for_engine(until=context.deadline.wall_end)
@@ -184,129 +178,3 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
             found = replace(found, attained=best, upper_bound=best.value)
         made.append(found)
     return made
-
-
-def first_points(
-    formulation: Formulation, problem: sp.Problem, scaled: InUnits, context: BoundingContext
-) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
-    """Find a nearly feasible vector, proved where a point was known before all stages.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    problem : sparsepop_py.Problem
-        Its problem on a box of the parameters.
-    scaled : InUnits
-        The problem that a point is proved to be consistent with.
-    context : BoundingContext
-    """
-    find = partial(first_point, formulation, problem, context.known)
-    if context.known is None:
-        return context.kept("start", find, None), []
-    if context.deadline.stopped:
-        return None, []
-    try:  # late too: there is a proof already, of a problem without this box and these units
-        start = context.timed("start", find)
-        return start, [] if start is None else _proved(
-            formulation, scaled, [start], context.deadline
-        )
-    except EARLY as cause:
-        context.deadline.ended(cause)
-        return None, []
-
-
-def _ends(
-    formulation: Formulation,
-    problem: sp.Problem,
-    scaled: InUnits,
-    start: NDArray[np.float64],
-    deadline: Deadline,
-) -> tuple[list[sp.ProvedPoint], bool]:
-    """Find proved points where the engine would find none, and say whether all ends have some.
-
-    Those are ends where rows couple samples or long records have sums of products, and any point
-    of another long record, whose equations are solved one after the other for their newest samples.
-    """
-    long, found = is_long(formulation), list[NDArray[np.float64]]()
-    if coupled(formulation):
-        found = [end.x for end in search_ends(formulation, problem, start)]
-    elif long and formulation.sums:
-        found = ends_of_long_record(formulation, problem, start, deadline)
-    at_ends = long and bool(found)
-    if not found and _many_sums(formulation) and not coupled(formulation):
-        found = _ends_without_sums(formulation, problem, start)
-    if not found and long:
-        found = [start]
-    return _proved(formulation, scaled, found, deadline), at_ends
-
-
-def points_at_ends(
-    formulation: Formulation,
-    problem: sp.Problem,
-    scaled: InUnits,
-    start: NDArray[np.float64],
-    deadline: Deadline,
-) -> list[sp.ProvedPoint]:
-    """Search for the ends of all parameters, and prove the points that are found.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    problem : sparsepop_py.Problem
-        Its problem on a finite box of the parameters, where to search.
-    scaled : InUnits
-        The problem that the points are proved to be consistent with.
-    start : (n,) float
-        A nearly feasible vector.
-    deadline : Deadline
-    """
-    if is_long(formulation) and not coupled(formulation):
-        found = ends_of_long_record(formulation, problem, start, deadline)
-    elif _many_sums(formulation) and not coupled(formulation):
-        found = _ends_without_sums(formulation, problem, start)
-    else:
-        found = [end.x for end in search_ends(formulation, problem, start)]
-    return _proved(formulation, scaled, found, deadline)
-
-
-def _proved(
-    formulation: Formulation,
-    scaled: InUnits,
-    found: Iterable[NDArray[np.float64]],
-    deadline: Deadline,
-) -> list[sp.ProvedPoint]:
-    """Keep the vectors that are proved to be consistent in time, as points in units."""
-    known, points = solved_rows(formulation, scaled.problem), list[sp.ProvedPoint]()
-    try:
-        for x in found:
-            point = proved_point(formulation, scaled.problem, x / scaled.units, known)
-            points += [] if point is None else [point]
-    except EARLY as cause:
-        if not points:
-            raise
-        deadline.ended(cause)
-    return points
-
-
-def _many_sums(formulation: Formulation) -> bool:
-    """Check for sums of three products or more: local searches that hold their unknowns creep."""
-    numbers, rows = formulation.layout.group(LIFTED), formulation.problem.constraints
-    pairs = zip(numbers.tolist(), rows, strict=False)
-    return any(row.polynomial.terms > 3 for _, row in pairs)
-
-
-def _ends_without_sums(
-    formulation: Formulation, problem: sp.Problem, start: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
-    """Search for ends where the sums are no unknowns, and add these."""
-    plain = multiplied_out(formulation)
-    n, p = plain.layout.dimension, len(plain.parameters)
-    lower, upper = plain.problem.lower.copy(), plain.problem.upper.copy()
-    lower[:p], upper[:p] = problem.lower[:p], problem.upper[:p]
-    about = sp.Problem(plain.problem.objective, plain.problem.constraints, lower, upper)
-    found = []
-    for end in search_ends(plain, about, start[:n]):
-        x = np.append(end.x, np.zeros(formulation.layout.group(LIFTED).size))
-        place_slack(x, formulation, x[:p])
-        found.append(x)
-    return found

@@ -16,7 +16,7 @@ import sparsepop_py as sp
 from setid.bounding.attained import best_results
 from setid.bounding.context import BoundingContext
 from setid.bounding.ends import intervals_of, with_unbounded
-from setid.bounding.engine import first_points, points_at_ends
+from setid.bounding.starts import first_points, points_at_ends
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import find_unbounded

@@ -16,7 +16,7 @@ from identification_cases import (
 
 import setid
 import sparsepop_py as sp
-from setid.bounding import engine, linear, methods, simulations
+from setid.bounding import linear, methods, simulations, starts
 from setid.formulation.formulation import without_partial_outputs
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -415,7 +415,7 @@ _STAGES = {
     "proved_point": simulations,
     "linear_bounds": sp,
     "linear_ends": linear,
-    "first_point": engine,
+    "first_point": starts,
 }
 
 

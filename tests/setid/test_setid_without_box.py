@@ -117,7 +117,7 @@ def test_points_that_were_proved_in_time_are_kept(
         return proofs[-1]
 
     monkeypatch.setattr("setid.bounding.methods.find_box", lambda *_: result.evidence.box)
-    monkeypatch.setattr("setid.bounding.engine.proved_point", proved)
+    monkeypatch.setattr("setid.bounding.starts.proved_point", proved)
     model, data = record()
     found = setid.identify(data, model, setid.Noise(output=NOISE))
     assert len(proofs) == 3 and found.verify()

@@ -11,8 +11,8 @@ import setid
 import sparsepop_py as sp
 from benchmarks.peers import scip as peers
 from benchmarks.problems.block_structured import KINDS, record
-from setid.bounding import engine
 from setid.bounding.engine import recheck_results
+from setid.bounding.starts import starts_of_engine
 from setid.feasible_points import start as start_points
 from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import first_point
@@ -194,7 +194,7 @@ def test_ends_of_problems_with_many_sums_are_found_without_them():
     problem = problem_on_box(formulation, find_box(formulation))
     scaled, start = in_units(problem, formulation), first_point(formulation, problem)
     assert start is not None
-    points, at_ends = engine._ends(formulation, problem, scaled, start, Deadline(None))
+    points, at_ends = starts_of_engine(formulation, problem, scaled, start, Deadline(None))
     assert len(points) >= 10 and not at_ends
     about = in_units(problem, formulation)
     for point in points:

@@ -9,7 +9,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from setid.bounding import engine
+from setid.bounding.starts import starts_of_engine
 from setid.feasible_points.members import noise_level
 from setid.feasible_points.simulations import Fitting
 from setid.feasible_points.start import first_point
@@ -106,7 +106,7 @@ def test_long_records_begin_with_their_ends() -> None:
     problem = on_box(formulation, 0.1)
     scaled, start = in_units(problem, formulation), first_point(formulation, problem)
     assert start is not None
-    points, at_ends = engine._ends(formulation, problem, scaled, start, Deadline(None))
+    points, at_ends = starts_of_engine(formulation, problem, scaled, start, Deadline(None))
     assert at_ends and len(points) == 8
     ends = np.array([(point.x * scaled.units)[:4] for point in points])
     assert np.all(ends.min(axis=0) < THETA) and np.all(THETA < ends.max(axis=0))
