@@ -196,9 +196,9 @@ def _on_box(
         return context.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and (box.cut_short or (over and _is_loose(box))):
         notes = (*notes, STOPPED if context.deadline.stopped else NO_BOX)
-    parts, settled = cascade_of(formulation, box) or long_record(formulation), None
-    if parts is not None:
-        settled = by_simulation(formulation, context, parts, box, notes)
+    recursion, settled = cascade_of(formulation, box) or long_record(formulation), None
+    if recursion is not None:
+        settled = by_simulation(formulation, context, recursion, box, notes)
     if settled is not None and (is_cascade(formulation) or is_closed(settled)):
         return settled
     points: list[sp.ProvedPoint] = []

@@ -42,7 +42,7 @@ __all__ = ["by_simulation"]
 _CASCADE_FITS = 0.25  # of the time left, for fits of a cascade from many starts
 _RECORD_FIT = 0.6  # of the time left, for the fit of a long record from one start
 _POINT_RESERVE = 1.5  # times what the proof of one point took: what is kept for each
-_OUT_OF_TIME = "time ended before all cells of the parameters were small: give more time"
+_OUT_OF_TIME = "time ended before all regions of the parameters were small: give more time"
 _LEAST_TIME = 1e-3  # of the time, and seconds: what is given when the time is over
 _MOST_REGIONS = 2000  # regions that are split at most
 _MANY_EQUATIONS = 1000  # equations beyond which regions are split before the engine is asked
@@ -55,7 +55,7 @@ _CONES_TOL = 0.7  # of the tolerance: what cones may leave beyond attained ends
 def by_simulation(
     formulation: Formulation,
     context: BoundingContext,
-    parts: Recursion,
+    recursion: Recursion,
     box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification | None:
@@ -68,7 +68,7 @@ def by_simulation(
     ----------
     formulation : Formulation
     context : BoundingContext
-    parts : Recursion
+    recursion : Recursion
         The record as a simulation.
     box : ProvedBox or None
         Of the data.
@@ -80,7 +80,7 @@ def by_simulation(
         None where no box to begin with is finite.
     """
     fits = context.deadline.part(_CASCADE_FITS if is_cascade(formulation) else _RECORD_FIT)
-    found = context.kept("start", lambda: simulated_ends(formulation, parts, box, fits), None)
+    found = context.kept("start", lambda: simulated_ends(formulation, recursion, box, fits), None)
     if found is None:
         return None
     begin, number = time.monotonic(), 2 * len(formulation.parameters)
@@ -90,10 +90,10 @@ def by_simulation(
     if context.until < inf:
         share = max(_LEAST_TIME, 1.0 - reserve / max(context.left, _LEAST_TIME))
     many = is_cascade(formulation) or count_equations(formulation) > _MANY_EQUATIONS
-    cells = _MOST_REGIONS if many else 0
+    splits = _MOST_REGIONS if many else 0
     near = inf if is_cascade(formulation) else _NEAR_ENDS
     deadline, tol = context.deadline.part(share), context.settings.tol
-    tighten = partial(box_near_ends, found, box, tol, deadline, cells, near)
+    tighten = partial(box_near_ends, found, box, tol, deadline, splits, near)
     tightened: ProvedBox | None = context.kept("cells", tighten, None)
     left = found.ends and (tightened is None or tightened.cut_short)
     if (

@@ -18,7 +18,7 @@ from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.feasible_points.fits.output_error import output_error_fit
 from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
-from setid.feasible_set.simulations import principal_directions, simulated_box
+from setid.feasible_set.simulations import SplitLimits, principal_directions, simulated_box
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import channel_of
@@ -102,27 +102,29 @@ def cascade_of(formulation: Formulation, box: ProvedBox | None = None) -> Recurs
 
 
 def simulated_ends(
-    formulation: Formulation, parts: Recursion, box: ProvedBox | None, deadline: Deadline
+    formulation: Formulation, recursion: Recursion, box: ProvedBox | None, deadline: Deadline
 ) -> SimulatedEnds | None:
     """Fit simulations and go to the ends of parameters; None without a finite box.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Recursion
+    recursion : Recursion
+        The record as a simulation.
     box : ProvedBox or None
+        Of the data; None where the bounds of priors are all that is known.
     deadline : Deadline
     """
-    lower, upper = parts.box(*_ends(formulation, box))
+    lower, upper = recursion.box(*_ends(formulation, box))
     if not np.all(np.isfinite([lower, upper])):
         return None
-    fitting = Fitting(formulation, parts, lower, upper)
-    best, level = best_fit(fitting, deadline, _first(formulation, parts, deadline.end))
+    fitting = Fitting(formulation, recursion, lower, upper)
+    best, level = best_fit(fitting, deadline, _first(formulation, recursion, deadline.end))
     ends = tuple(reached_ends(fitting, best, deadline)) if level < 1.0 else ()
     return SimulatedEnds(fitting, frozen(best), level, ends)
 
 
-def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | None:
+def _first(formulation: Formulation, recursion: Recursion, until: float) -> Reals | None:
     """Output-error fit, where a structure has measured signals only."""
     if isinstance(formulation.model, BlockStructured):
         return None
@@ -131,7 +133,7 @@ def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | 
     except SetidError:
         return None
     past = []
-    for name, known in parts.past.items():
+    for name, known in recursion.past.items():
         channel = channel_of(name)
         assert channel is not None
         past.append(outputs[known.begin - known.lower.size : known.begin, channel[1]])
@@ -149,8 +151,8 @@ def on_box(found: SimulatedEnds, box: ProvedBox) -> SimulatedEnds:
         That holds the ends.
     """
     fitting = found.fitting
-    ends = fitting.parts.box(*_ends(fitting.formulation, box))
-    return replace(found, fitting=Fitting(fitting.formulation, fitting.parts, *ends))
+    ends = fitting.recursion.box(*_ends(fitting.formulation, box))
+    return replace(found, fitting=Fitting(fitting.formulation, fitting.recursion, *ends))
 
 
 def box_near_ends(
@@ -158,10 +160,10 @@ def box_near_ends(
     box: ProvedBox | None,
     tol: float,
     deadline: Deadline,
-    cells: float = inf,
+    splits: float = inf,
     near: float = inf,
 ) -> SimulatedBox | None:
-    """Prove a box near the ends that are attained.
+    """Prove a box near the ends that are attained, by regions that are split.
 
     Parameters
     ----------
@@ -171,10 +173,8 @@ def box_near_ends(
     tol : float
         Of the attained widths.
     deadline : Deadline
-    cells : float
-        Regions that are split at most.
-    near : float
-        As of :func:`~setid.feasible_set.simulations.simulated_box`.
+    splits, near : float
+        As of :class:`~setid.feasible_set.simulations.SplitLimits`.
     """
     fitting, p = found.fitting, len(found.fitting.formulation.parameters)
     widths, attained = fitting.upper - fitting.lower, None
@@ -188,17 +188,10 @@ def box_near_ends(
         return None
     directions = principal_directions(slopes, np.maximum(widths, 1e-300))
     assert not isinstance(box, SimulatedBox)
+    limits = SplitLimits(attained, _SHARE * tol, deadline, splits, near)
+    ends = fitting.lower, fitting.upper
     return simulated_box(
-        fitting.formulation,
-        fitting.parts,
-        (fitting.lower, fitting.upper),
-        box,
-        frozen(directions),
-        attained,
-        _SHARE * tol,
-        deadline,
-        cells,
-        near,
+        fitting.formulation, fitting.recursion, ends, box, frozen(directions), limits
     )
 
 
@@ -213,7 +206,7 @@ def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
         First samples that no equation gives follow the parameters.
     """
     signals = fitting.simulated(theta)
-    outputs = np.stack([signals[name] for name in fitting.parts.outputs], axis=1)
+    outputs = np.stack([signals[name] for name in fitting.recursion.outputs], axis=1)
     y = formulation.data.y
     outputs = np.where(np.isnan(outputs) & ~np.isnan(y), y, outputs)  # what no equation asks
     known = np.where(np.isnan(y), 0.0, y - outputs)

@@ -37,19 +37,20 @@ class Fitting:
     Parameters
     ----------
     formulation : Formulation
-    parts : Recursion
+    recursion : Recursion
+        The record as a simulation.
     lower, upper : (d,) float
         Finite; first samples that no equation gives follow the parameters.
     """
 
     formulation: Formulation
-    parts: Recursion
+    recursion: Recursion
     lower: Reals
     upper: Reals
     _given: tuple[Reals, Reals] = field(init=False)  # rows of priors and smoothed readings
 
     def __post_init__(self) -> None:
-        given = self.parts.cover(self.formulation, self.lower, self.upper)
+        given = self.recursion.cover(self.formulation, self.lower, self.upper)
         object.__setattr__(self, "_given", given)
 
     def errors(self, theta: Reals) -> tuple[Reals, Reals]:
@@ -57,7 +58,7 @@ class Fitting:
         signals = self._run(theta)
         data, errors, slopes = self.formulation.data, [], []
         bound = self.formulation.noise.bounds(data).output
-        for channel, name in enumerate(self.parts.outputs):
+        for channel, name in enumerate(self.recursion.outputs):
             y, form = data.y[:, channel], signals[name]
             known = ~np.isnan(y) & np.isfinite(form.rest)
             unit = np.maximum(bound[known, channel], 1e-300)
@@ -72,7 +73,7 @@ class Fitting:
 
     def _run(self, theta: Reals) -> dict[str, Form]:
         nothing = np.zeros((0, theta.size))
-        return self.parts.run(
+        return self.recursion.run(
             Region(theta, theta, nothing, np.zeros(0), np.zeros(0)), bounded=False
         )
 

@@ -102,14 +102,14 @@ def ends_of_long_record(
     list of (n,) float
         Two a parameter; none where no simulation is within the noise.
     """
-    parts: Recursion | None = sums_recursion(formulation)
+    recursion: Recursion | None = sums_recursion(formulation)
     if not formulation.sums:
-        parts = recursion_of(formulation)
+        recursion = recursion_of(formulation)
     p = len(formulation.parameters)
-    if parts is None or not np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
+    if recursion is None or not np.all(np.isfinite([problem.lower[:p], problem.upper[:p]])):
         return []
-    lower, upper = parts.box(problem.lower[:p], problem.upper[:p])
-    fitting = Fitting(formulation, parts, lower, upper)
+    lower, upper = recursion.box(problem.lower[:p], problem.upper[:p])
+    fitting = Fitting(formulation, recursion, lower, upper)
     begin = np.concatenate([first[:p], (lower[p:] + upper[p:]) / 2])  # outputs as they were read
     best, level = best_fit(fitting, deadline, begin)
     if not level < 1.0:

@@ -34,7 +34,7 @@ from setid.proofs.simulated.tree import (
 from setid.proofs.supports import Cover
 from sparsepop_py.budget import Deadline
 
-__all__ = ["principal_directions", "simulated_box"]
+__all__ = ["SplitLimits", "principal_directions", "simulated_box"]
 
 Reals = NDArray[np.float64]
 _STEPS = 12  # in a row at one region
@@ -50,6 +50,30 @@ class _RegionNode:
     split: int = -1
     at: float = 0.0
     children: tuple[_RegionNode, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplitLimits:
+    """Limits at which regions are no longer split.
+
+    Parameters
+    ----------
+    attained : (lower, upper), each (p,) float, or None
+        Ends that consistent parameters reach.
+    tol : float
+        Of the attained widths: a region that reaches less far beyond these ends is not split.
+    deadline : Deadline
+    splits : float
+        Regions that are split at most.
+    near : float
+        Of the attained widths: where the first region reaches farther beyond, none is split.
+    """
+
+    attained: tuple[Reals, Reals] | None
+    tol: float
+    deadline: Deadline
+    splits: float = inf
+    near: float = inf
 
 
 def principal_directions(slopes: Reals, units: Reals) -> Reals:
@@ -69,43 +93,34 @@ def principal_directions(slopes: Reals, units: Reals) -> Reals:
 
 def simulated_box(
     formulation: Formulation,
-    parts: Recursion,
+    recursion: Recursion,
     box: tuple[Reals, Reals],
     first: CellBox | DenominatorBox | RowBox | None,
     directions: Reals,
-    attained: tuple[Reals, Reals] | None,
-    tol: float,
-    deadline: Deadline,
-    cells: float = inf,
-    near: float = inf,
+    limits: SplitLimits,
 ) -> SimulatedBox | None:
-    """Tighten a finite box by simulations over regions.
+    """Tighten a finite box by simulations over regions; None where it is not finite.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Recursion
+    recursion : Recursion
+        The record as a simulation.
     box : (lower, upper), each (d,) float
         Of the parameters, and of first samples that no equation gives.
-    first : CellBox, DenominatorBox, ParameterBox, DirectionBox, LiftedBox or None
+    first : CellBox, DenominatorBox, RowBox or None
         What proved the box, where priors alone do not.
     directions : (q, d) float
-    attained : (lower, upper), each (p,) float, or None
-        Ends that consistent parameters reach.
-    tol : float
-        Of the attained widths: regions that reach less far beyond are not split.
-    deadline : Deadline
-    cells : float
-        Regions that are split at most.
-    near : float
-        Of the attained widths: where the first region reaches farther beyond, none is split.
+        Linear functions of these unknowns that are bounded beside them; rows as of
+        :func:`principal_directions`.
+    limits : SplitLimits
     """
     if not np.all(np.isfinite(box)):
         return None
     region = first_region(formulation, *box, directions)
     root = _RegionNode(region)
-    grower = _Grower(formulation, parts, attained, tol, deadline, cells)
-    complete = grower.grow(root, near)
+    grower = _Grower(formulation, recursion, limits)
+    complete = grower.grow(root)
     leaves = [g.region for g in grower.leaves if g.region is not None]
     p = len(formulation.parameters)
     lower, upper = np.full(p, np.inf), np.full(p, -np.inf)
@@ -129,36 +144,28 @@ def _numbered(root: _RegionNode) -> tuple[TreeNode, ...]:
 
 
 class _Grower:
-    def __init__(
-        self,
-        formulation: Formulation,
-        parts: Recursion,
-        attained: tuple[Reals, Reals] | None,
-        tol: float,
-        deadline: Deadline,
-        cells: float,
-    ) -> None:
-        self._formulation, self._parts = formulation, parts
-        self._attained, self._tol, self._deadline = attained, tol, deadline
-        self._cells = cells
+    """A tree of regions while it grows. Mutable."""
+
+    def __init__(self, formulation: Formulation, recursion: Recursion, limits: SplitLimits) -> None:
+        self._formulation, self._recursion, self._limits = formulation, recursion, limits
         self.leaves: list[_RegionNode] = []
 
-    def grow(self, root: _RegionNode, near: float) -> bool:
+    def grow(self, root: _RegionNode) -> bool:
         """Tighten and split regions, the one that reaches farthest first; whether time sufficed."""
         self._tighten(root)
         if root.region is None:
             return True
-        if self._beyond(root.region) > near:
+        if self._beyond(root.region) > self._limits.near:
             self.leaves.append(root)
             return False
         scale = np.maximum(_widths(root.region), 1e-300)
-        scale[self._parts.readings] = np.inf  # outputs are affine in them, nearly
+        scale[self._recursion.readings] = np.inf  # outputs are affine in them, nearly
         waiting: list[tuple[float, int, _RegionNode]] = []
         count = 0
         self._file(root, waiting, count)
         while waiting:
             _, _, node = heapq.heappop(waiting)
-            if self._deadline.over or count >= 2 * self._cells:
+            if self._limits.deadline.over or count >= 2 * self._limits.splits:
                 self.leaves += [node, *(other for _, _, other in waiting)]
                 return False
             assert node.region is not None
@@ -175,7 +182,7 @@ class _Grower:
         self, node: _RegionNode, waiting: list[tuple[float, int, _RegionNode]], count: int
     ) -> None:
         beyond = self._beyond(node.region)
-        if beyond <= self._tol:
+        if beyond <= self._limits.tol:
             self.leaves.append(node)
         else:
             heapq.heappush(waiting, (-beyond, count, node))
@@ -184,9 +191,9 @@ class _Grower:
         """Measure how far a region reaches beyond the attained ends, in their widths."""
         if region is None:
             return 0.0
-        if self._attained is None:
+        if self._limits.attained is None:
             return float(np.max(region.upper - region.lower)) + 1.0
-        low, high = self._attained
+        low, high = self._limits.attained
         width = np.maximum(high - low, 1e-12 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
         p = low.size
         beyond = np.maximum(low - region.lower[:p], region.upper[:p] - high)
@@ -201,16 +208,16 @@ class _Grower:
 
     def _tighten(self, node: _RegionNode) -> None:
         for _ in range(_STEPS):
-            if node.region is None or self._deadline.over:
+            if node.region is None or self._limits.deadline.over:
                 return
             before = _widths(node.region)
-            spaces = half_spaces(self._formulation, self._parts, node.region)
+            spaces = half_spaces(self._formulation, self._recursion, node.region)
             step = _step(spaces, asked(node.region.directions))
             if step is None:
                 return
             node.region = tightened(node.region, spaces, step)
             node.steps.append(step)
-            if node.region is None or self._beyond(node.region) <= self._tol:
+            if node.region is None or self._beyond(node.region) <= self._limits.tol:
                 return
             if np.all(_widths(node.region) >= _GAIN * before):
                 return
