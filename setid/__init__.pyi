@@ -37,10 +37,12 @@ from .bands.blocks import (
     signal_band,
     static_band,
 )
-from .bands.outputs import (
+from .bands.comparison import (
     Comparison,
-    OutputBand,
     compare,
+)
+from .bands.outputs import (
+    OutputBand,
     predict,
     simulate_band,
 )

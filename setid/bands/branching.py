@@ -16,23 +16,26 @@ from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, lfiltic
 
+from setid.bands.model_outputs import (
+    attained_by,
+    denominator_of,
+    force_of,
+    impulse_response,
+    outputs_of,
+)
 from setid.bands.verdicts import FLOOR
 from setid.feasible_set.proposer import Proposer
 from setid.proofs.supports import Cover
-from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_reach
+from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame
 from setid.proofs.time_bands.partition import Partition, Ranges
 
 __all__ = [
     "FIRST_SECONDS",
     "Effort",
-    "Found",
-    "attained_by",
+    "Branching",
     "branched",
-    "force_of",
     "principal_frame",
-    "slopes_of",
     "surveyed",
 ]
 
@@ -41,7 +44,6 @@ FIRST_SECONDS = 5.0  # after the time limit, or the limit again if longer: the e
 _GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
 _ROUNDING = 1e-10  # of the largest output: narrower ranges need no further cells
 _ZERO = 1e-280  # the same where all outputs are zero
-_SMALL = 2.0**-100  # of the largest number in an impulse response: it ends there
 _FIRST_SURVEY = 50  # cells at which they are all enclosed where there is no time limit
 _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
@@ -70,8 +72,8 @@ class Effort:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Outcome of the search.
+class Branching:
+    """Outcome of the search for cells.
 
     Parameters
     ----------
@@ -104,71 +106,6 @@ class Found:
     spent: bool
 
 
-def force_of(experiment: Experiment, cover: Cover) -> Reals:
-    """Compute what drives the output, own and regressors (N, 1 + p): the residual of zeros."""
-    own, regressors, _ = experiment.row.residual(np.zeros(len(experiment.u)), experiment.u, cover)
-    return np.column_stack([own, regressors])
-
-
-def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
-    """Compute outputs (N,) of given parameters, from the first readings on.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    theta : (p,) float
-    force : (N, 1 + p) float
-        See :func:`force_of`.
-    """
-    den, first = _denominator(experiment, theta), experiment.first
-    drive = -(force[:, 0] + force[:, 1:] @ theta)[first.size :] / den[0]
-    den = den / den[0]
-    with np.errstate(all="ignore"):
-        if not first.size or den.size == 1:
-            rest = lfilter([1.0], den, drive)
-        else:
-            rest = lfilter([1.0], den, drive, zi=lfiltic([1.0], den, first[::-1]))[0]
-    return np.concatenate([first, rest])
-
-
-def slopes_of(experiment: Experiment, cover: Cover, theta: Reals) -> Reals:
-    """Differentiate outputs with respect to the coordinates, at theta; (N, n), up to rounding."""
-    v = outputs_of(experiment, theta, force_of(experiment, cover))
-    regressors = experiment.row.residual(v, experiment.u, cover)[1]
-    den, begun = _denominator(experiment, theta), experiment.first.size
-    found = np.zeros(regressors.shape)
-    with np.errstate(all="ignore"):
-        found[begun:] = -lfilter([1.0 / den[0]], den / den[0], regressors[begun:], axis=0)
-    return found
-
-
-def attained_by(experiment: Experiment, theta: Reals, force: Reals) -> tuple[Reals, Reals]:
-    """Compute the range (N,) of outputs over the noise in inputs and first outputs."""
-    outputs = outputs_of(experiment, theta, force)
-    reach = np.concatenate([experiment.start, np.zeros(experiment.samples)])
-    with np.errstate(all="ignore"):
-        if np.any(experiment.start) or np.any(experiment.input_noise):
-            impulse = _impulse(_denominator(experiment, theta), experiment.samples)
-            rest = noise_reach(experiment, (theta, theta), theta, impulse)
-            reach[experiment.first.size :] = rest
-        return outputs - reach, outputs + reach
-
-
-def _impulse(den: Reals, count: int) -> Reals:
-    """The impulse response of 1 / D, zero where all that follows is far below its rounding."""
-    found = np.asarray(lfilter([1.0 / den[0]], den / den[0], np.eye(1, count)[0]), np.float64)
-    large = np.flatnonzero(~(np.abs(found) <= _SMALL * np.abs(found).max(initial=0.0)))
-    found[int(large[-1]) + 1 if large.size else count :] = 0.0
-    return found
-
-
-def _denominator(experiment: Experiment, theta: Reals) -> Reals:
-    found = np.zeros(experiment.row.lag + 1)
-    for lag, factor in experiment.row.feedback.items():
-        found[lag] = factor.at(theta)
-    return found if found[0] != 0.0 else found + np.eye(1, found.size)[0]
-
-
 @dataclass(slots=True, eq=False)
 class _Leaf:
     """Facts about a cell that choices use."""
@@ -198,7 +135,7 @@ class _Search:
     reached: list[float] = field(default_factory=list)  # excess at forecasts
     spent: bool = False
 
-    def run(self, seeds: list[NDArray[np.int64]]) -> Found:
+    def run(self, seeds: list[NDArray[np.int64]]) -> Branching:
         heap: list[tuple[float, int]] = []
         for number in self.partition.numbers:
             self._look(number, seeds, heap, self.effort.first)
@@ -311,7 +248,7 @@ class _Search:
         theta[frame.columns] = frame.back @ ((cell.tight[0] + cell.tight[1]) / 2)
         count = self.experiment.samples
         with np.errstate(all="ignore"):
-            impulse = _impulse(_denominator(self.experiment, theta), count)
+            impulse = impulse_response(denominator_of(self.experiment, theta), count)
             outputs = outputs_of(self.experiment, theta, self.force)
         if self.settle < count:
             impulse[self.settle :] = 0.0
@@ -350,13 +287,13 @@ class _Search:
         column = leaf.cost[:, place]
         return int(np.argmax(column if np.all(np.isfinite(column)) else leaf.cost[:, -1]))
 
-    def _found(self) -> Found:
+    def _found(self) -> Branching:
         excess = self._excess_of_all()
         growing = sum(not leaf.gain < 1.0 for leaf in self.leaves.values())
         points = np.array(list(self.points.values())).reshape(-1, self.cover.lower.size)
         ranges, left = self.partition.ranges(), len(self.leaves)
         counts = self.cells, left, growing
-        return Found(ranges, self.low, self.high, points, *counts, excess, self.spent)
+        return Branching(ranges, self.low, self.high, points, *counts, excess, self.spent)
 
 
 def branched(
@@ -365,7 +302,7 @@ def branched(
     effort: Effort,
     points: Reals | None = None,
     settle: int | None = None,
-) -> Found:
+) -> Branching:
     """Bound an output by cells of the denominator's parameters.
 
     Parameters

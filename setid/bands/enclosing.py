@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from setid.bands.branching import (
     FIRST_SECONDS,
+    Branching,
     Effort,
-    Found,
-    attained_by,
     branched,
-    force_of,
-    slopes_of,
 )
+from setid.bands.model_outputs import attained_by, force_of, pole_radius, slopes_of
 from setid.bands.verdicts import FLOOR, BandReport, Verdict, ratio_of
 from setid.data.checks import number, seconds_of
 from setid.data.noise import NoiseBounds
@@ -35,7 +33,7 @@ from setid.proofs.time_bands.partition import Ranges
 from setid.proofs.time_bands.rows import OutputRow, output_row
 from setid.simulation.responses import known_from
 
-__all__ = ["Accuracy", "Band", "View", "band_of", "record_bands", "view_of"]
+__all__ = ["Accuracy", "Band", "AffineRows", "band_of", "record_bands", "affine_rows"]
 
 Reals = NDArray[np.float64]
 _USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
@@ -101,7 +99,7 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class AffineRows:
     """Rows of all outputs, and the coordinates in which these are affine.
 
     Parameters
@@ -115,8 +113,12 @@ class View:
     rows: tuple[OutputRow, ...]
 
 
-def view_of(model: Structure) -> View:
+def affine_rows(model: Structure) -> AffineRows:
     """Write the equations of all outputs as lags, in coordinates in which they are affine.
+
+    Parameters
+    ----------
+    model : Structure
 
     Raises
     ------
@@ -124,7 +126,7 @@ def view_of(model: Structure) -> View:
         If the structure feeds back products of outputs, couples outputs or has internal signals.
     """
     found = coordinates_of(model)
-    return View(found, tuple(output_row(e, found.names) for e in found.equations))
+    return AffineRows(found, tuple(output_row(e, found.names) for e in found.equations))
 
 
 def record_bands(
@@ -156,13 +158,13 @@ def record_bands(
         If the set is proved empty on the way.
     """
     model = result.formulation.model
-    view = view_of(model)
-    first = 0 if from_rest else max(e.lag for e in view.coordinates.equations)
+    affine = affine_rows(model)
+    first = 0 if from_rest else max(e.lag for e in affine.coordinates.equations)
     if np.any(np.isnan(record.u)):
         raise SetidError("data: found missing inputs, expected complete ones to simulate with")
     edges = [*record.starts.tolist(), record.samples]
     tasks = []
-    for i, row in enumerate(view.rows):
+    for i, row in enumerate(affine.rows):
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             part, begun = slice(begin, end), slice(begin, min(begin + first, end))
             readings = record.y[begun, i]
@@ -175,9 +177,9 @@ def record_bands(
             start, errors = bounds.output[begun, i], bounds.equation[part, i]
             inputs = bounds.input[part]
             tasks.append(Experiment(row, record.u[part], readings, start, inputs, errors))
-    bands = _all_bands(result, view.coordinates, tasks, accuracy)
+    bands = _all_bands(result, affine.coordinates, tasks, accuracy)
     pieces = len(edges) - 1
-    return [_joined(bands[i * pieces : (i + 1) * pieces]) for i in range(len(view.rows))]
+    return [_joined(bands[i * pieces : (i + 1) * pieces]) for i in range(len(affine.rows))]
 
 
 def band_of(
@@ -283,7 +285,7 @@ def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: i
     return Band(found.ranges, low, high, report)
 
 
-def _verdict(found: Found, tolerance: float, measured: tuple[float, float]) -> Verdict:
+def _verdict(found: Branching, tolerance: float, measured: tuple[float, float]) -> Verdict:
     """The verdict, from the pole radius of members and the ratio of widths."""
     ranges, (radius, ratio) = found.ranges, measured
     assert ranges is not None
@@ -305,12 +307,7 @@ def _attained(task: Experiment, cover: Cover, known: Reals) -> tuple[Reals, Real
 
 def _pole_radius(task: Experiment, points: Reals) -> float:
     """Largest absolute value of a pole over points; NaN without any."""
-    radii = [0.0] * len(points)
-    for place, theta in enumerate(points):
-        lags = {lag: f.at(theta) for lag, f in task.row.feedback.items()}
-        coefficients = [lags.get(lag, 0.0) for lag in range(task.row.lag + 1)]
-        roots = np.roots(coefficients) if np.all(np.isfinite(coefficients)) else np.zeros(0)
-        radii[place] = float(np.abs(roots).max(initial=0.0))
+    radii = [pole_radius(task.row, theta) for theta in points]
     return max(radii, default=float("nan"))
 
 

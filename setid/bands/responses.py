@@ -21,7 +21,7 @@ from setid.bands.verdicts import Kind
 from setid.data.checks import frozen, natural, real_array, seconds_of, word
 from setid.errors import SetidError
 from setid.feasible_points.members import draws_of, members, nominal
-from setid.feasible_set.coordinates import parameters_of
+from setid.feasible_set.coordinates import parameter_coordinates
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.feasible_set.narrowing import narrowing_of
 from setid.feasible_set.proposer import Proposer
@@ -302,7 +302,10 @@ def _narrowed(
     result: FeasibleSet, theta: Reals, weights: tuple[Complexes, Complexes], time_limit: float
 ) -> Cover:
     """Cover the set, narrowly where responses are wide beside those of members."""
-    until, asked = time.monotonic() + time_limit, narrowing_of(result, parameters_of(result))
+    until, asked = (
+        time.monotonic() + time_limit,
+        narrowing_of(result, parameter_coordinates(result)),
+    )
     cover = asked.cover
     if cover.exact or not np.all(np.isfinite([cover.lower, cover.upper])):
         return cover

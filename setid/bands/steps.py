@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.enclosing import Accuracy, band_of, view_of
+from setid.bands.enclosing import Accuracy, affine_rows, band_of
+from setid.bands.model_outputs import pole_radius
 from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 __all__ = ["StepBand", "step_band"]
 
 Reals = NDArray[np.float64]
+_MOST = 100_000  # samples of a response
+_SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time
+_LONGEST = 3000  # samples of it
+_HOPELESS = 2  # times as many samples: where nothing is proved for all time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,12 +231,6 @@ def _recursion(model: Structure) -> str:
     return f"response of the recursion to a step {step}"
 
 
-_MOST = 100_000  # samples of a response
-_SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time
-_LONGEST = 3000  # samples of it
-_HOPELESS = 2  # times as many samples: where nothing is proved for all time
-
-
 def _plant(model: Structure, thetas: Reals) -> Reals:
     """Parameters (..., p) with the offsets of a linear structure put to 0."""
     constants: set[str] = set()
@@ -246,24 +245,24 @@ def _plant(model: Structure, thetas: Reals) -> Reals:
 def _is_linear(model: Structure) -> bool:
     """Check that nothing but single inputs and constants drives the outputs."""
     try:
-        view = view_of(model)
+        affine = affine_rows(model)
     except ModelError:
         return False
-    terms = [term for row in view.rows for term in row.others]
+    terms = [term for row in affine.rows for term in row.others]
     fixed = any(not term.inputs and term.column is None for term in terms)  # part of a map
     inputs = max((len(term.inputs) for term in terms), default=0)
-    return not view.coordinates.sums and not fixed and inputs <= 1
+    return not affine.coordinates.sums and not fixed and inputs <= 1
 
 
-def _view(model: Structure, output: int, input: int) -> tuple[Coordinates, OutputRow]:
+def _row_of_pair(model: Structure, output: int, input: int) -> tuple[Coordinates, OutputRow]:
     """The row of one output where one input acts, and its coordinates."""
     if isinstance(model, TransferFunction):  # with denominators of its own, that of the pair
         names = model.parameters
         row = transfer_row(coefficients_of(model, output + 1, input + 1), input, names)
         return Coordinates(names, ()), row
-    view = view_of(model)
-    row = view.rows[output]
-    return view.coordinates, row.without_constant() if _is_linear(model) else row
+    affine = affine_rows(model)
+    row = affine.rows[output]
+    return affine.coordinates, row.without_constant() if _is_linear(model) else row
 
 
 def _proved_step(
@@ -276,7 +275,7 @@ def _proved_step(
     """Proved and attained band, the range after it, and the report."""
     length, output, input = place
     model = result.formulation.model
-    coordinates, row = _view(model, output, input)
+    coordinates, row = _row_of_pair(model, output, input)
     most = max([row.lag, *(term.lag for term in row.others)])
     settle, count = None, max(length, most + 1)
     if all_time:
@@ -298,9 +297,7 @@ def _proved_step(
 
 def _settling(row: OutputRow, theta: Reals) -> int:
     """Samples after which the nominal impulse response of 1 / D is small."""
-    lags = {lag: f.at(theta) for lag, f in row.feedback.items()}
-    roots = np.roots(np.array([lags.get(lag, 0.0) for lag in range(row.lag + 1)]))
-    radius = float(np.abs(roots).max(initial=0.0))
+    radius = pole_radius(row, theta)
     if radius < 1e-9:
         return row.lag + 1
     if radius >= 1.0:

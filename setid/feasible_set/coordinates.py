@@ -29,7 +29,7 @@ from setid.models.lti import TransferFunction
 from setid.proofs.supports import Cover
 from setid.proofs.time_bands.sums import with_sums
 
-__all__ = ["Coordinates", "asked_of", "coordinates_of", "parameters_of"]
+__all__ = ["Coordinates", "asked_of", "coordinates_of", "parameter_coordinates"]
 
 Reals = NDArray[np.float64]
 
@@ -137,8 +137,13 @@ def coordinates_of(
     return Coordinates((*model.parameters, *lifting.names), lifting.equations, lifting.sums)
 
 
-def parameters_of(result: FeasibleSet) -> Coordinates:
-    """Take the parameters themselves as coordinates."""
+def parameter_coordinates(result: FeasibleSet) -> Coordinates:
+    """Take the parameters of a set themselves as coordinates.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    """
     return Coordinates(result.formulation.parameters, ())
 
 

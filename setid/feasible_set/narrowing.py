@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import EmptySetError
-from setid.feasible_set.coordinates import Coordinates, asked_of, parameters_of
+from setid.feasible_set.coordinates import Coordinates, asked_of, parameter_coordinates
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import supports
 from setid.formulation.units import in_units
@@ -64,7 +64,7 @@ def solved_heights(
     EmptySetError
         If the engine proves that the set is empty, which the result does not say.
     """
-    result, unknowns = asked_of(result, coordinates or parameters_of(result))
+    result, unknowns = asked_of(result, coordinates or parameter_coordinates(result))
     formulation = result.formulation
     scaled = in_units(result.problem, formulation)
     p, known = len(formulation.parameters), len(unknowns)

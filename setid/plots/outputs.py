@@ -22,7 +22,8 @@ from setid.plots.axes import (
 
 if TYPE_CHECKING:
     from setid.analysis.fit import Fit
-    from setid.bands.outputs import Comparison, OutputBand
+    from setid.bands.comparison import Comparison
+    from setid.bands.outputs import OutputBand
 
 __all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 

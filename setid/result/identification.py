@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from setid.analysis.sensitivity import Sensitivity
-    from setid.bands.outputs import Comparison, Mode, OutputBand
+    from setid.bands.comparison import Comparison
+    from setid.bands.outputs import Mode, OutputBand
     from setid.bands.responses import FrequencyBand, Kind
     from setid.bands.steps import StepBand
     from setid.export.python_control import ControlModels
@@ -622,7 +623,7 @@ class Identification(FeasibleSet):
         time_limit : float
             Seconds for a proved band and the search for the best member.
         """
-        from setid.bands.outputs import compare
+        from setid.bands.comparison import compare
 
         return compare(self, validation, mode, kind, noise, time_limit)
 

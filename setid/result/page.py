@@ -18,7 +18,8 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.bands.blocks import static_band
-from setid.bands.outputs import Mode, compare
+from setid.bands.comparison import compare
+from setid.bands.outputs import Mode
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band

@@ -11,8 +11,10 @@ from identified_cases import empty, identified, second_order
 from slow_values import slow_after
 
 import setid
-from setid.bands.outputs import compare, fit, predict, simulate_band
+from setid.bands.comparison import compare
+from setid.bands.outputs import predict, simulate_band
 from setid.bands.residuals import residuals
+from setid.feasible_points.modelled_outputs import fit
 from setid.simulation.responses import run
 
 

@@ -14,7 +14,8 @@ from identified_cases import identified
 from numpy.typing import NDArray
 
 import setid
-from setid.bands.outputs import compare, predict
+from setid.bands.comparison import compare
+from setid.bands.outputs import predict
 from setid.bands.residuals import residuals
 from setid.feasible_points.members import nominal
 from setid.feasible_set.coordinates import coordinates_of

@@ -10,7 +10,8 @@ import pytest
 from identified_cases import identified, second_order
 
 import setid
-from setid.bands.outputs import Comparison, OutputBand, simulate_band
+from setid.bands.comparison import Comparison
+from setid.bands.outputs import OutputBand, simulate_band
 from setid.bands.verdicts import BandReport, ratio_of
 from setid.plots.axes import clip
 

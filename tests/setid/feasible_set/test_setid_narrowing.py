@@ -14,7 +14,12 @@ import setid
 import sparsepop_py as sp
 from setid.feasible_points.members import members
 from setid.feasible_set import narrowing
-from setid.feasible_set.coordinates import Coordinates, asked_of, coordinates_of, parameters_of
+from setid.feasible_set.coordinates import (
+    Coordinates,
+    asked_of,
+    coordinates_of,
+    parameter_coordinates,
+)
 from setid.feasible_set.narrowing import Narrowing, narrowing_of, solved_heights
 from setid.feasible_set.supports import cover_of
 from setid.formulation.units import in_units
@@ -52,7 +57,7 @@ def on_its_box(found: setid.Identification) -> setid.Identification:
 
 
 def fresh(result: setid.FeasibleSet, coordinates: Coordinates | None = None) -> Narrowing:
-    coordinates = coordinates or parameters_of(result)
+    coordinates = coordinates or parameter_coordinates(result)
     none = np.zeros((0, len(result.formulation.parameters)))
     return Narrowing(result, coordinates, coordinates.cover(result), none)
 
@@ -116,10 +121,10 @@ def test_functions_that_are_chosen_together_differ() -> None:
 
 
 def test_what_was_asked_is_kept_for_the_next_question(result: setid.Identification) -> None:
-    asked = narrowing_of(result, parameters_of(result))
+    asked = narrowing_of(result, parameter_coordinates(result))
     asked.narrow(AXES, np.ones(3), time.monotonic() + 60.0)
     rows = len(asked.cover.right)
-    assert len(narrowing_of(result, parameters_of(result)).cover.right) == rows
+    assert len(narrowing_of(result, parameter_coordinates(result)).cover.right) == rows
 
 
 @pytest.mark.slow

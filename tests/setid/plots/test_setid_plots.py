@@ -13,7 +13,8 @@ from identified_cases import empty, first_order, identified
 
 import setid
 import sparsepop_py as sp
-from setid.bands.outputs import compare, simulate_band
+from setid.bands.comparison import compare
+from setid.bands.outputs import simulate_band
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
