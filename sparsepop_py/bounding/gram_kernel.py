@@ -21,8 +21,8 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.gram_rounding import (
     entries_of,
     open_entries,
+    restricted_to_terms,
     semidefinite_part,
-    where_terms_are,
 )
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.relaxation.moment import Relaxation
@@ -51,7 +51,7 @@ def grams_with_kernel(
     ExactGram
     """
     linear = np.any(monomials.degrees(objective.words) == 1)
-    sparse = where_terms_are(objective, relaxation, bool(linear))
+    sparse = restricted_to_terms(objective, relaxation, bool(linear))
     if sparse is None:
         return
     start = ExactGram(*entries_of(sparse, np.zeros(sparse.rows)))

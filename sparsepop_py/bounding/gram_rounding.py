@@ -44,7 +44,7 @@ __all__ = [
     "interior_grams",
     "open_entries",
     "semidefinite_part",
-    "where_terms_are",
+    "restricted_to_terms",
 ]
 
 
@@ -67,7 +67,7 @@ def exact_grams(
     """
     linear = np.any(monomials.degrees(objective.words) == 1)
     for constant in (True,) if linear else (False, True):
-        sparse = where_terms_are(objective, relaxation, constant)
+        sparse = restricted_to_terms(objective, relaxation, constant)
         if sparse is not None:
             yield from _rounded(objective, sparse, time_limit)
 
@@ -89,7 +89,7 @@ def interior_grams(
     ------
     ExactGram
     """
-    sparse = where_terms_are(objective, relaxation, True)
+    sparse = restricted_to_terms(objective, relaxation, True)
     if sparse is None:
         return
     program, rows = _normed(objective, sparse, 0.0)
@@ -146,7 +146,7 @@ def _multipliers(program: ConicProgram, time_limit: float | None) -> Iterator[ND
 
 
 @lru_cache(maxsize=1)  # the minimiser's matrix and rounded ones begin with the same
-def where_terms_are(
+def restricted_to_terms(
     objective: Polynomial, relaxation: Relaxation, constant: bool, linear: bool = False
 ) -> Relaxation | None:
     """Restrict the relaxation to squares and products that occur, None if too few.

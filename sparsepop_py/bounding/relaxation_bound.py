@@ -52,7 +52,7 @@ __all__ = [
     "lower_bound",
     "bound_order",
     "build_relaxations",
-    "short_if",
+    "shorten_if_enough",
     "solvers_for",
     "stronger",
     "closed_without_relaxation",
@@ -194,7 +194,7 @@ def bound_box(
     if context.options.effort != "auto" or context.deadline.late:
         return outcome
     with context.stages.stage("certify"):
-        return short_if(context.enough(outcome.proved.bound), replay, box, outcome)
+        return shorten_if_enough(context.enough(outcome.proved.bound), replay, box, outcome)
 
 
 def _begun(context: SolveContext, relaxation: Relaxation, solution: ConicSolution) -> bool:
@@ -243,7 +243,9 @@ def _solution(
     return solution if small is None else small.restored(solution)
 
 
-def short_if(needed: float, replay: Replay, box: Interval, box_bound: BoxBound) -> BoxBound:
+def shorten_if_enough(
+    needed: float, replay: Replay, box: Interval, box_bound: BoxBound
+) -> BoxBound:
     """Store an argument in 32 bits if it still proves what is needed.
 
     Parameters
@@ -300,7 +302,22 @@ def _loses(context: SolveContext, outcome: BoxBound) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """Solution of one program, to be certified."""
+    """Solution of one program, to be certified.
+
+    Parameters
+    ----------
+    replay : Replay
+    box : Interval
+    scaled : Scaled
+        The problem scaled to the box.
+    relaxation : Relaxation
+    program : ConicProgram
+    solution : ConicSolution
+    size : float
+        Factor from the scaled objective to the original one.
+    share : float
+        Floor of its Gram matrices: the part of the objective that pays for residuals.
+    """
 
     replay: Replay
     box: Interval

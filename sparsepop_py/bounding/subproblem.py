@@ -262,13 +262,13 @@ class Restatement:
         number = self._numbers[cutoffs]
         whole = self.small.whole
         single = generators.count(len(whole.constraints) + cutoffs, whole.dimension)
-        products = number_of(argument.products, number, single)
+        products = _renumbered(argument.products, number, single)
         scaling = self._scaling(argument.scaling)
         if isinstance(argument, LinearDual):
             return replace(
                 argument,
                 scaling=scaling,
-                generator=number_of(argument.generator, number, single),
+                generator=_renumbered(argument.generator, number, single),
                 word=self._words(argument.word),
                 products=products,
             )
@@ -299,7 +299,7 @@ class Restatement:
     def _multipliers(
         self, group: Multipliers, number: NDArray[np.int64], single: int
     ) -> Multipliers:
-        generator = number_of(group.generator, number, single)
+        generator = _renumbered(group.generator, number, single)
         return replace(group, generator=generator, basis=self._words(group.basis))
 
     @cached_property
@@ -350,7 +350,7 @@ def _in(variables: NDArray[np.int64], p: Polynomial, names: Sequence[str]) -> Po
     return Polynomial.from_words(letter[p.words], p.coefficients, variables.size, tuple(names))
 
 
-def number_of(
+def _renumbered(
     numbers: NDArray[np.integer], single: NDArray[np.int64], start: int
 ) -> NDArray[np.int64]:
     """Renumber generators: those without factors by a table, products from ``start`` on."""

@@ -21,7 +21,7 @@ from sparsepop_py.bounding.gram_rounding import (
     estimate,
     exact_grams,
     interior_grams,
-    where_terms_are,
+    restricted_to_terms,
 )
 from sparsepop_py.bounding.leading_form import (
     LinearCoordinates,
@@ -55,7 +55,7 @@ from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof
 
-Search = Callable[[float, CertifiedBound | None], SolveContext]
+PointSearch = Callable[[float, CertifiedBound | None], SolveContext]
 
 __all__ = ["good_enough", "may_be_squares", "unconstrained_bound"]
 
@@ -93,7 +93,7 @@ def may_be_squares(objective: Polynomial) -> bool:
 
 
 def unconstrained_bound(
-    context: SolveContext, search: Search | None = None
+    context: SolveContext, search: PointSearch | None = None
 ) -> CertifiedBound | None:
     """Bound the objective without constraints and bounds, None where that does not apply.
 
@@ -114,7 +114,7 @@ def unconstrained_bound(
     if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
-    outcome = _where_terms_are(context, bare)
+    outcome = _by_occurring_monomials(context, bare)
     if outcome is not None and good_enough(context, lower_bound(outcome.certificate)):
         return outcome
     fewer, outcome, model = outcome, None, bare
@@ -143,7 +143,7 @@ def unconstrained_bound(
     return _about_the_incumbent(context, bare, better(fewer, outcome))
 
 
-def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | None:
+def _by_occurring_monomials(context: SolveContext, bare: Model) -> CertifiedBound | None:
     """Solve the blocks of monomials whose squares occur, None where they are not much smaller.
 
     Cliques of seven variables have 120 monomials of degree 3. Of these, sums of squares of few
@@ -163,7 +163,7 @@ def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | Non
         largest = max(whole.block_sizes)
         if largest <= BOUNDING.few_monomials:
             return None
-        found = where_terms_are(objectives[0], whole, True, True)
+        found = restricted_to_terms(objectives[0], whole, True, True)
     if found is None or max(found.block_sizes) > BOUNDING.smaller_blocks * largest:
         return None
     if not affordable(found, options.memory_limit):
@@ -193,7 +193,7 @@ def _near_the_incumbent(
     context: SolveContext,
     model: Model,
     scaled: Scaled,
-    search: Search | None,
+    search: PointSearch | None,
 ) -> tuple[SolveContext, CertifiedBound | None, bool]:
     """Certify what the incumbent tells of Gram matrices, and whether that is enough.
 
@@ -294,7 +294,7 @@ def _grams(
 
 
 def _exactly(
-    context: SolveContext, model: Model, search: Search | None
+    context: SolveContext, model: Model, search: PointSearch | None
 ) -> tuple[SolveContext, CertifiedBound]:
     """Certify the first exact Gram matrix that is found, however singular."""
     relaxation = model.relaxations[-1]

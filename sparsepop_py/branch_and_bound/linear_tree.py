@@ -105,7 +105,22 @@ class _Open(OpenNode):
 
 @dataclass(frozen=True, eq=False)
 class _Program:
-    """The linear program of a node with its solution, dual prices and bound (not proved)."""
+    """The linear program of a node, with its solution and what it seems to prove.
+
+    Parameters
+    ----------
+    data : LinearData
+    price : (R,) float
+        Dual prices of its rows.
+    rest : (N,) float
+        Reduced costs of its columns.
+    bound : float
+        Of the objective on the box, not proved; infinite where the program has no point.
+    t : (N,) float or None
+        The solution in scaled columns; None where there is none.
+    empty : bool
+        Whether a ray shows that the box holds no point below the cutoff.
+    """
 
     data: LinearData
     price: Floats
@@ -138,6 +153,12 @@ class LinearTree:
     variables : (k,) int, optional
         Branching variables. When left out: those of two values where all else is convex, otherwise
         those in products.
+    nodes : int
+        Nodes that were processed.
+    search_work : float
+        Units of work that local searches took, see :mod:`sparsepop_py.budget`.
+    root : node
+        The node of the whole box.
     """
 
     context: SolveContext

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import bound_box, short_if
+from sparsepop_py.bounding.relaxation_bound import bound_box, shorten_if_enough
 from sparsepop_py.branch_and_bound.settings import BRANCHING
 from sparsepop_py.budget import spend, spent
 from sparsepop_py.context import SolveContext
@@ -212,7 +212,7 @@ def _semidefinite(
         relaxation = spec.build(scaled, settings.cliques)
     box_bound = bound_box(context, found.box, scaled, relaxation)
     if replay.cutoff is not None:
-        box_bound = short_if(replay.cutoff, replay, found.box, box_bound)
+        box_bound = shorten_if_enough(replay.cutoff, replay, found.box, box_bound)
     if box_bound.proved.bound > found.proved.bound:
         node = box_bound.node
         found = replace(found, proved=box_bound.proved, argument=node.argument, empty=node.empty)

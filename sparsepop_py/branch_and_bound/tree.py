@@ -42,7 +42,7 @@ from sparsepop_py.verified.certificate.certificate import (
 )
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
 
-__all__ = ["Search"]
+__all__ = ["SearchTree"]
 
 
 @dataclass(eq=False)
@@ -54,7 +54,7 @@ class _Open(OpenNode):
 
 
 @dataclass(eq=False)
-class Search:
+class SearchTree:
     """A branch-and-bound tree that can be grown further at any time. Mutable.
 
     Parameters
@@ -70,10 +70,14 @@ class Search:
         Given a context and candidate vectors, the context with a better incumbent if one is proved.
     start : (Proved, Argument or None, bool)
         What is proved of the root, the argument, and whether it proves emptiness.
+    count : int
+        Nodes that were queued so far: the older of two with one bound comes first.
     seen : int
         Nodes that count as processed already.
     broken : bool
         Whether an executor failed: it is not asked again.
+    left : float
+        Share of the widths that OBBT leaves at a node, in the mean over the last ones.
     """
 
     context: SolveContext

@@ -28,7 +28,7 @@ Key = TypeVar("Key")
 T = TypeVar("T")
 
 _ATTEMPTS = 3  # of a task before it is given up
-_GUESSED_WORKERS = 8
+_GUESSED_WORKERS = 8  # of an executor that does not say how many it has
 _LOST_MODULES = ("distributed", "mpi4py")  # whose own exceptions mean lost workers
 
 
@@ -176,8 +176,7 @@ def completed(
     A task whose worker was lost is submitted again, twice at most. Where a
     ``ProcessPoolExecutor`` broke, :class:`Processes` of our own take over. Tasks of a task of the
     same threads are done here (:func:`is_within`). Exceptions of the function itself are raised.
-    The tasks that are still waiting are cancelled when the iterator
-    is closed.
+    The tasks that are still waiting are cancelled when the iterator is closed.
 
     Parameters
     ----------

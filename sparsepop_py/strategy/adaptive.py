@@ -26,7 +26,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.branch_and_bound.node import NodeSettings
-from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.branch_and_bound.tree import SearchTree
 from sparsepop_py.budget import TOO_MUCH, cpu_seconds, outlasts
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
@@ -88,7 +88,7 @@ class AdaptiveSearch:
         Seconds of each step.
     outcome : CertifiedBound
         The best proved bound.
-    tree : Search or None
+    tree : SearchTree or None
         The branch-and-bound tree that grows now.
     seen : int
         Nodes of trees that were left.
@@ -114,6 +114,19 @@ class AdaptiveSearch:
         Seconds that a tree grows at most before relaxations are considered again.
     at_nodes : RelaxationSpec or None
         The relaxation of each node, once a tree of linear programs has proved too little.
+
+    Attributes
+    ----------
+    queue : RelaxationQueue
+        Relaxations that are left to try.
+    tried : list of (RelaxationSpec, float, float)
+        Those that were solved on the current box, with the bound and the seconds of each.
+    first_bound : float
+        What interval arithmetic alone proves on the first box.
+    first_box : Interval
+        The box at the beginning: slack for rounding is measured by its widths.
+    shared_model : Model
+        The box that holds for all objectives, without steps of this one.
     """
 
     context: SolveContext
@@ -123,7 +136,7 @@ class AdaptiveSearch:
     history: list[HistoryEntry] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     outcome: CertifiedBound = field(init=False)
-    tree: Search | None = None
+    tree: SearchTree | None = None
     seen: int = 0
     exhausted: bool = False
     best: BoxBound = field(init=False)
@@ -344,7 +357,7 @@ class AdaptiveSearch:
             return max(0.3 * rate, seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH]))
         return rate
 
-    def _idle(self, tree: Search) -> bool:
+    def _idle(self, tree: SearchTree) -> bool:
         """Check that a tree which nothing else ends has doubled in vain.
 
         Nothing ends it where no limit is given and the gap cannot close: without a way to attain
@@ -360,7 +373,7 @@ class AdaptiveSearch:
         nodes = self._gained[1]
         return stays_open and tree.seen - nodes >= max(TREE.idle_nodes, nodes)
 
-    def _note_gain(self, tree: Search) -> None:
+    def _note_gain(self, tree: SearchTree) -> None:
         """Note where the bound has gained what counts as a gap, and more than rounding."""
         bound = max(self.bound, tree.bound)
         least = max(self.context.allowed, STRATEGY.rounding_gap * max(1.0, abs(bound)))
@@ -596,7 +609,7 @@ class AdaptiveSearch:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()
             search_incumbent, seen = self._search_in_tree, self.seen
-            self.tree = Search(
+            self.tree = SearchTree(
                 self.context, settings, proof, box, search_incumbent, root, seen=seen
             )
         tree, limit = self.tree, self.context.options.node_limit
@@ -629,7 +642,7 @@ class AdaptiveSearch:
         """The relaxation of the root that proved most."""
         return max(self.tried, key=lambda entry: entry[1])[0]
 
-    def _reconsider(self, tree: Search) -> None:
+    def _reconsider(self, tree: SearchTree) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
         slow = tree.seen > TREE.patience_nodes and tree.settings.spec is None and self.tried
         if slow and not tree.done and not self.over:

@@ -162,9 +162,8 @@ class MultiObjectiveSearch:
         """Prepare the shared state and one adaptive search for each objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
         self.shared_state = SharedState.of(self.problem, self.objectives, self.options)
-        if (
-            not self.shared_state.products.has_star
-        ):  # a star may not need it, and is nearly as cheap
+        # a star may not need it, and is nearly as cheap
+        if not self.shared_state.products.has_star:
             try:
                 self._tighten()
             except EARLY as cause:

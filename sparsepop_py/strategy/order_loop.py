@@ -276,9 +276,8 @@ def run_adaptive(search: AdaptiveSearch) -> SearchState:
         if is_untried_without_box(search.context.problem):
             if search.next_seconds <= max(STRATEGY.long_first_seconds, seconds_without_box(search)):
                 search.run(STRATEGY.steps_before_squares)
-            if (
-                search.context.problem.degree > 2
-            ):  # else a bound without a box costs less than points
+            if search.context.problem.degree > 2:
+                # else a bound without a box costs less than points
                 search.search_more_starts()
             if not search.over:
                 state = add_bound_without_box(state_of(search))

@@ -39,6 +39,10 @@ class RelaxationQueue:
         Returns the problem scaled to the current box; for estimates.
     share : float
         Expected progress of the last relaxation, see :mod:`sparsepop_py.relaxation.hierarchy`.
+    specs : list of RelaxationSpec
+        Those that are left.
+    expected : dict of str to float
+        By name, the most that relaxations which were put back are expected to gain.
     """
 
     shared_state: SharedState

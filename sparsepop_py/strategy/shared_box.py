@@ -25,7 +25,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.strategy.settings import BOUND_TIGHTENING
-from sparsepop_py.strategy.shared_state import branching
+from sparsepop_py.strategy.shared_state import branching_variables
 from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -69,7 +69,7 @@ def tighten_for_all(
         return model, None
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
-    variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
+    variables = tuple(dict.fromkeys((*branching_variables(products, options), *targets)))
     if not products.pairs.size or not 0 < len(variables) <= BOUND_TIGHTENING.most_shared_variables:
         return model, None
     return _obbt_rounds(problem, model, variables, options, products, deadline)

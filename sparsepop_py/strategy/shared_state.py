@@ -21,11 +21,22 @@ from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.tightening.mccormick import coordinate_of
 
-__all__ = ["SharedState", "branching"]
+__all__ = ["SharedState", "branching_variables"]
 
 
-def branching(products: Products, options: Options) -> tuple[int, ...]:
-    """Choose the branching variables: those asked for, else those that cover all products."""
+def branching_variables(products: Products, options: Options) -> tuple[int, ...]:
+    """Choose the branching variables: those asked for, else those that cover all products.
+
+    Parameters
+    ----------
+    products : Products
+    options : Options
+
+    Returns
+    -------
+    tuple of int
+        From 0, in ascending order where they were asked for.
+    """
     if options.branch_on is not None:
         return tuple(sorted({int(v) for v in options.branch_on}))
     return products.complicating
@@ -75,7 +86,7 @@ class SharedState:
         specs = relaxation_specs(problem, cliques, tuple(objectives), options.order, options.skip)
         specs = tuple(replace(spec, memory=options.memory_limit) for spec in specs)
         specs = tuple(spec for spec in specs if spec.fits(cliques))
-        variables = branching(products, options)
+        variables = branching_variables(products, options)
         branches = "branch" not in options.skip and options.node_limit != 0
         may = (
             branches and "obbt_sdp" not in options.skip and len(variables) <= STRATEGY.few_variables

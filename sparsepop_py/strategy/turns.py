@@ -159,6 +159,8 @@ class TurnsApart:
     references : References
     failure : str
         What the executor failed with; empty where it did not.
+    running : dict
+        By future, the number of the objective and its turn as it was handed over.
     """
 
     executor: Executor
@@ -185,9 +187,8 @@ class TurnsApart:
         whole = search.outcome
         search.outcome, search.last = _without_output(whole), None
         try:
-            if (
-                search.context.best is not None
-            ):  # unless a better one is found, it returns as itself
+            if search.context.best is not None:
+                # unless a better one is found, it returns as itself
                 self.references.keep(search.context.best)
             packet = self.references.packed(
                 (turn, search.context.stages.searched), self._live(search.context.stages)

@@ -88,6 +88,13 @@ def apply_steps(replay: Replay, steps: Sequence[Step], box: Interval) -> Interva
     """Apply bound-tightening steps derived on one box to another.
 
     Steps verify themselves, so the result holds although they may have become weaker.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem, with the cutoff.
+    steps : sequence of Step
+    box : Interval
     """
     for step in steps:
         if is_empty(box):

@@ -28,7 +28,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import BoxBound, bound_box, short_if, solvers_for
+from sparsepop_py.bounding.relaxation_bound import (
+    BoxBound,
+    bound_box,
+    shorten_if_enough,
+    solvers_for,
+)
 from sparsepop_py.context import SolveContext
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.within_limits import run_on
@@ -222,7 +227,7 @@ def _reached(
     if np.isfinite(value):
         with context.stages.stage("certify"):
             needed = value - OBBT.short * (value - least)
-            found = short_if(needed, own.at_cutoff(), box, found)
+            found = shorten_if_enough(needed, own.at_cutoff(), box, found)
     solution = found.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return found, None

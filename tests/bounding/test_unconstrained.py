@@ -14,7 +14,7 @@ import sparsepop_py as sp
 from sparsepop_py import problems
 from sparsepop_py.algebra import monomials
 from sparsepop_py.bounding import unconstrained
-from sparsepop_py.bounding.gram_rounding import exact_grams, where_terms_are
+from sparsepop_py.bounding.gram_rounding import exact_grams, restricted_to_terms
 from sparsepop_py.local_search import multistart
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
@@ -123,7 +123,7 @@ def test_forms_that_are_no_sums_of_squares_get_nothing():
 def test_cliques_of_nearly_all_products_are_not_split(n):
     """Squares of polynomials of few terms: overlapping cliques would hold twice the entries."""
     f = problems.random_quartic(n).objective
-    found = where_terms_are(f, sp.relax(sp.Problem(f), 2), True)
+    found = restricted_to_terms(f, sp.relax(sp.Problem(f), 2), True)
     assert dict(found.block_sizes) == {(n + 1) * (n + 2) // 2: 1}
 
 

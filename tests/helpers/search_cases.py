@@ -11,7 +11,7 @@ import numpy as np
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem
 from sparsepop_py.branch_and_bound.node import NodeSettings
-from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.branch_and_bound.tree import SearchTree
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
@@ -59,7 +59,7 @@ def search_of(problem, variables, start=None, options=None, local=False, **setti
     box = Interval(problem.lower, problem.upper)
     cliques = {"constraints": find_cliques(problem)}
     search_incumbent = (lambda t, x: update_incumbent(t, x)[0]) if local else lambda t, x: t
-    return Search(
+    return SearchTree(
         context, NodeSettings(cliques, variables, **settings), BoxProof(), box, search_incumbent
     )
 

@@ -16,7 +16,7 @@ from star_record import least, record
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
-from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.branch_and_bound.tree import SearchTree
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.processes import Processes
@@ -201,7 +201,7 @@ def test_a_tree_comes_back_from_a_pickle(monkeypatch):
         "sparsepop_py.strategy.shared_state.relaxation_specs",
         lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
     )
-    grow = Search.grow
+    grow = SearchTree.grow
 
     def through_a_pickle(self, nodes, stop, executor=None):
         search = self.search_incumbent
@@ -210,7 +210,7 @@ def test_a_tree_comes_back_from_a_pickle(monkeypatch):
         self.search_incumbent = search
         return grow(self, min(nodes, 3), stop, executor)
 
-    monkeypatch.setattr(Search, "grow", through_a_pickle)
+    monkeypatch.setattr(SearchTree, "grow", through_a_pickle)
     problem = bilinear()
     result = sp.solve(problem, Options(effort="auto", gap=5e-2, skip=("linear_tree",)))
     assert result.status is Status.OPTIMAL

@@ -16,7 +16,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.branch_and_bound.node import NodeSettings, process_node
-from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.branch_and_bound.tree import SearchTree
 from sparsepop_py.budget import Deadline, LimitReached
 from sparsepop_py.budget import check as check_limits
 from sparsepop_py.context import SolveContext
@@ -63,7 +63,7 @@ def replayed(problem: Problem, cutoff: float, *steps, slack: float = 0.0) -> Int
     return BoxProof(steps).replay(Replay(problem, cutoff), larger)
 
 
-def planted(local: bool = False) -> tuple[Problem, Search]:
+def planted(local: bool = False) -> tuple[Problem, SearchTree]:
     """A tree for the least b, before it grows."""
     problem = record()
     shared_state, points = shared_state_of(problem), feasible_points()
