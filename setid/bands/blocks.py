@@ -221,7 +221,7 @@ def _arguments(result: FeasibleSet, item: StaticMap, x: ArrayLike | None) -> Rea
 
 
 def _readings(result: FeasibleSet, signal: str) -> tuple[float, float]:
-    """The range of a measured signal, or of the bounds of an internal one."""
+    """Find the range of a measured signal, or of the bounds of an internal one."""
     data, groups = result.formulation.data, result.formulation.layout.groups
     if signal in groups and signal not in ("u", "y"):
         numbers = groups[signal][groups[signal] >= 0]
@@ -245,7 +245,7 @@ def _proved(
 
 
 def _tightened(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) -> Reals:
-    """Ends that the engine proves on the problem itself."""
+    """Tighten ends (K, 2) by the engine, which bounds the map on the problem itself."""
     layout = result.formulation.layout
     theta = [layout.polynomial(i) for i in layout.group("theta").tolist()]
     forms = [
@@ -338,7 +338,7 @@ def _measured(result: FeasibleSet, signal: str) -> tuple[Reals, Reals, NDArray[n
 def _attained(
     result: FeasibleSet, name: str, readings: Reals, numbers: NDArray[np.int64]
 ) -> tuple[Reals, Reals]:
-    """Ends (K,) of a map of readings over systems that are known; NaN where none is."""
+    """Find ends (K,) of a map over systems that are known; NaN where none is."""
     model, target, _ = _map_of(result, name)
     theta, values = result.formulation.layout.group("theta"), list[Reals]()
     seen = [np.asarray(w, float) for w in result.witnesses]

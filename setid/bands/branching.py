@@ -175,6 +175,8 @@ class _Search:
     def _forecast(self) -> float:
         """Forecast the number of cells from what its last two doublings gained; 0 if all is done.
 
+        Two doublings took the excess from b to c. If it goes on falling so, the tolerance t takes
+        2 log(c / t) / log(b / c) more of them.
         All cells are enclosed for that, those of large gain too.
         """
         excess = self._excess_of_all()
@@ -191,7 +193,7 @@ class _Search:
             return float(self.cells * np.exp2(doublings))
 
     def _excess_of_all(self) -> float:
-        """Largest excess of a cell, after those that wait are enclosed."""
+        """Find the largest excess of a cell, after those that wait are enclosed."""
         for leaf in self.leaves.values():
             if not leaf.enclosed and self._excess(leaf.number) > self.effort.tolerance:
                 self._enclose(leaf, inf)
@@ -241,7 +243,7 @@ class _Search:
             self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
 
     def _centre(self, number: int, source: Proposer) -> Centre:
-        """The middle of the cell, the other parameters those of the mean vertex."""
+        """Take the middle of the cell, and the other parameters from the mean vertex."""
         points, cell = source.points, self.partition.cell(number)
         frame = self.partition.frame
         theta = points.mean(axis=0) if len(points) else self.cover.centre.copy()
@@ -266,7 +268,7 @@ class _Search:
         return np.asarray(np.maximum(width, max(FLOOR * top, least, _ZERO)), np.float64)
 
     def _beyond(self, number: int) -> Reals:
-        """Reach of a cell's range beyond what is attained, in widths, (N,)."""
+        """Measure how far a cell's range reaches beyond what is attained, in widths, (N,)."""
         ranges = self.partition.range_of(number)
         if not len(self.points):
             return np.full(self.low.size, inf)
@@ -280,7 +282,7 @@ class _Search:
         return beyond if leaf.enclosed or beyond <= self.effort.tolerance else inf
 
     def _axis(self, leaf: _Leaf) -> int:
-        """The coordinate that adds most to the width where the range reaches farthest beyond."""
+        """Choose the coordinate that adds most width where the range reaches farthest beyond."""
         if not leaf.enclosed or leaf.cost.shape[1] < self.low.size:
             return int(np.argmax(leaf.cost[:, 0]))
         place = int(np.argmax(self._beyond(leaf.number)))

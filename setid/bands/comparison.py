@@ -108,7 +108,7 @@ class Comparison(ReadOnly):
         return "\n".join(lines)
 
     def _widths(self) -> str:
-        """A line for the mean width of each output, over samples at which the band is a test."""
+        """Write the mean width of each output where the band is a test."""
         band, found = self.band, list[str]()
         if not np.any(np.isfinite(band.high - band.low)):
             return f"the {band.kind} band of models is infinite: nothing is proved"
@@ -124,7 +124,7 @@ class Comparison(ReadOnly):
         return f"mean width of the {band.kind} band of models{where}  {', '.join(found)}"
 
     def _silence(self) -> list[str]:
-        """A line for samples at which the band is no test."""
+        """Write at how many samples the band is no test; nothing where there are none."""
         band = self.band
         silent, count = int(np.sum(band.silent & band.tested)), int(np.sum(band.tested))
         if not silent:
@@ -240,7 +240,7 @@ def _advice(result: FeasibleSet, mode: Mode, band: OutputBand, other: bool) -> l
 
 
 def _candidates(result: FeasibleSet, mode: Mode, time_limit: float) -> dict[str, Reals]:
-    """Parameter vectors whose fits are compared, the nominal one first."""
+    """List the parameter vectors whose fits are compared, the nominal one first."""
     found: dict[str, Reals] = {}
     try:
         found["best member"] = best(result, mode, time_limit).theta

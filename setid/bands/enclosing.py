@@ -233,7 +233,7 @@ def _efforts(count: int, begin: float, accuracy: Accuracy) -> Iterator[Effort]:
 def _narrowed(
     task: Experiment, asked: Narrowing, drawn: Reals, effort: Effort, settle: int | None
 ) -> Band:
-    """The band of one record, on a cover that is narrowed where the band is widest."""
+    """Bound one record on a cover that is narrowed where the band is widest."""
 
     def band_until(until: float, cells: int = effort.cells) -> Band:
         known = asked.coordinates.values(np.concatenate([drawn, asked.points]))
@@ -256,7 +256,7 @@ def _narrowed(
 
 
 def _members(result: FeasibleSet, accuracy: Accuracy) -> Reals:
-    """Members that are simulated; none where none is known."""
+    """Draw the members that are simulated; none where none is known."""
     try:
         return members(result, accuracy.samples, time_limit=_DRAWING * accuracy.time_limit)
     except SetidError:  # no member is known; what is proved holds all the same
@@ -264,7 +264,7 @@ def _members(result: FeasibleSet, accuracy: Accuracy) -> Reals:
 
 
 def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: int | None) -> Band:
-    """The band of one record; points of an exact cover are members."""
+    """Bound one record on a cover; points of an exact cover are members."""
     begin = time.monotonic()
     if task.samples <= 0:  # a record that is over before any equation is complete
         return _begun(task)
@@ -286,7 +286,7 @@ def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: i
 
 
 def _verdict(found: Branching, tolerance: float, measured: tuple[float, float]) -> Verdict:
-    """The verdict, from the pole radius of members and the ratio of widths."""
+    """Choose the verdict by the pole radius of members and the ratio of widths."""
     ranges, (radius, ratio) = found.ranges, measured
     assert ranges is not None
     useless = found.growing > 0 and ratio > _USELESS
@@ -306,7 +306,7 @@ def _attained(task: Experiment, cover: Cover, known: Reals) -> tuple[Reals, Real
 
 
 def _pole_radius(task: Experiment, points: Reals) -> float:
-    """Largest absolute value of a pole over points; NaN without any."""
+    """Find the largest absolute value of a pole over points; NaN without any."""
     radii = [pole_radius(task.row, theta) for theta in points]
     return max(radii, default=float("nan"))
 
@@ -320,7 +320,7 @@ def _begun(task: Experiment) -> Band:
 
 
 def _joined(bands: list[Band]) -> Band:
-    """One output over all records."""
+    """Join the bands of one output over all records."""
     if len(bands) == 1:
         return bands[0]
     columns = zip(*[(*band.ranges[:4], band.low, band.high) for band in bands], strict=True)

@@ -85,7 +85,7 @@ def refined_arcs(
 
 
 def _always(source: Proposer) -> Callable[[Cover], Proposer]:
-    """A proposer for one cell, whose source of multipliers is known."""
+    """Return a proposer for one cell, whose source of multipliers is known."""
     return lambda _: source
 
 
@@ -184,7 +184,7 @@ def _cut_all(
 
 
 def _shifted(source: Proposer, m: int, q: int) -> list[NDArray[np.int64]]:
-    """Bases of a cover as bases of its cells, which have 2 q rows more."""
+    """Renumber bases of a cover as bases of its cells, which have 2 q rows more."""
     return [np.where(rows < m, rows, rows + 2 * q) for rows in source.bases]
 
 

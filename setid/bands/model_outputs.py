@@ -135,7 +135,7 @@ def impulse_response(den: Reals, count: int) -> Reals:
 
 
 def _feedback(row: OutputRow, theta: Reals) -> Reals:
-    """Coefficients (lag + 1,) of the output in its equation, by lag."""
+    """Evaluate the coefficients (lag + 1,) of the output in its equation, by lag."""
     found = np.zeros(row.lag + 1)
     for lag, factor in row.feedback.items():
         found[lag] = factor.at(theta)

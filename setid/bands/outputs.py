@@ -316,7 +316,7 @@ def predict(
 def _record(
     result: FeasibleSet, data: IOData | None, noise: Noise | None
 ) -> tuple[IOData, Noise, NoiseBounds]:
-    """The record, its noise, and the bounds of that."""
+    """Check a record and its noise; return both, and the bounds of the noise."""
     formulation = result.formulation
     record = formulation.data if data is None else data
     check_channels(record, formulation.model)

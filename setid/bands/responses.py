@@ -364,7 +364,7 @@ def _met(
 
 
 def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:
-    """Ranges over members (M, F), the first being nominal."""
+    """Find gains, phases and responses of members (M, F), the first being nominal."""
     gains = np.abs(responses)
     turns = np.angle(responses * np.conj(responses[0]))
     magnitude = np.stack([gains.min(axis=0), gains.max(axis=0)], axis=1)

@@ -232,7 +232,7 @@ def _recursion(model: Structure) -> str:
 
 
 def _plant(model: Structure, thetas: Reals) -> Reals:
-    """Parameters (..., p) with the offsets of a linear structure put to 0."""
+    """Set the offsets of a linear structure to 0 in parameters (..., p)."""
     constants: set[str] = set()
     if isinstance(model, TransferFunction):
         constants = set(model.offsets())
@@ -255,7 +255,7 @@ def _is_linear(model: Structure) -> bool:
 
 
 def _row_of_pair(model: Structure, output: int, input: int) -> tuple[Coordinates, OutputRow]:
-    """The row of one output where one input acts, and its coordinates."""
+    """State the row of one output where one input acts, and its coordinates."""
     if isinstance(model, TransferFunction):  # with denominators of its own, that of the pair
         names = model.parameters
         row = transfer_row(coefficients_of(model, output + 1, input + 1), input, names)
@@ -272,7 +272,7 @@ def _proved_step(
     accuracy: Accuracy,
     all_time: bool,
 ) -> tuple[Reals, Reals, tuple[Reals, Reals], tuple[float, float], BandReport]:
-    """Proved and attained band, the range after it, and the report."""
+    """Return the proved and the attained band, the range after them, and the report."""
     length, output, input = place
     model = result.formulation.model
     coordinates, row = _row_of_pair(model, output, input)
@@ -296,7 +296,7 @@ def _proved_step(
 
 
 def _settling(row: OutputRow, theta: Reals) -> int:
-    """Samples after which the nominal impulse response of 1 / D is small."""
+    """Count the samples after which the nominal impulse response of 1 / D is small."""
     radius = pole_radius(row, theta)
     if radius < 1e-9:
         return row.lag + 1

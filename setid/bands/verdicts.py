@@ -126,7 +126,13 @@ class BandReport:
 
 
 def ratio_of(proved: tuple[Reals, Reals], attained: tuple[Reals, Reals]) -> float:
-    """Find the largest ratio of widths, where the attained width counts; else NaN."""
+    """Find the largest ratio of widths, where the attained width counts; else NaN.
+
+    Parameters
+    ----------
+    proved, attained : (low, high), each (N,) float
+        Attained widths count from :data:`FLOOR` times the largest of them on.
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         widths = proved[1] - proved[0], attained[1] - attained[0]
     top = float(np.max(widths[1], initial=0.0))

@@ -111,7 +111,7 @@ def _admitted_point(
 def _restored(
     item: ParameterInterval, unit: float, units: NDArray[np.float64]
 ) -> ParameterInterval:
-    """An interval in z as one in x: powers of two round nothing."""
+    """Convert an interval in units to the record's units: powers of two round nothing."""
     low, high = item.witnesses
     return replace(
         item,

@@ -170,7 +170,7 @@ def _rechecked(problem: sp.Problem, found: sp.Result, known: dict[int, Any]) -> 
 
 
 def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:
-    """Results that claim the best of known points where time ended before one was adopted."""
+    """Claim the best of known points where time ended before one was adopted."""
     made: list[sp.Result] = []
     for found in results:
         if found.attained is None and found.status is not sp.Status.INFEASIBLE:

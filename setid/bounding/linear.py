@@ -120,7 +120,7 @@ def at_linear_ends(
 def _attained_at(
     formulation: Formulation, scaled: InUnits, ends: Sequence[NDArray[np.float64]]
 ) -> tuple[sp.Result, ...]:
-    """Results that claim the points near these vectors, where they are proved."""
+    """Prove points near some vectors, and claim them."""
     made, known = [], solved_rows(formulation, scaled.problem)
     for objective, x in zip(objectives(formulation), ends, strict=True):
         about = scaled.problem.with_objective(scaled.asked(objective)[0])

@@ -152,7 +152,7 @@ def _without_attained(found: Identification) -> Identification:
 
 
 def _intersect(found: Identification, other: Identification, tol: float) -> Identification:
-    """A result whose intervals are also within those of a result with fewer priors."""
+    """Intersect the intervals of a result with those of a result with fewer priors."""
     if other.empty:
         items = {
             name: replace(

@@ -142,7 +142,7 @@ def _by_denominators(
     box: ProvedBox | None,
     deadline: Deadline,
 ) -> ProvedBox | None:
-    """A box from cones of denominators, and from one region where time ended before the gains'."""
+    """Bound by cones of denominators, then by one region where gains had no time."""
     if not isinstance(box, RowBox | None):
         return None
     points = np.array(found.ends)[:, : len(formulation.parameters)]

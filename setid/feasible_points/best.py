@@ -150,7 +150,7 @@ def best(result: FeasibleSet, goal: Goal = "simulation", time_limit: float = 20.
 
 
 def _misfit(result: FeasibleSet, goal: Goal) -> Misfit:
-    """Errors over the identification record as a function of theta."""
+    """Build the errors over the identification record as a function of theta."""
     data, model = result.formulation.data, result.formulation.model
     if word(goal, "goal", ("simulation", "prediction"), SetidError) == "prediction":
         rows, coordinates = prediction_rows(model, data)
@@ -183,7 +183,7 @@ def _size(errors: Reals) -> float:
 
 
 def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals, until: float) -> Reals | None:
-    """The best of local minima from a member and from least squares, consistent or not.
+    """Choose the best local minimum from a member and least squares, consistent or not.
 
     A descent that is not over in time is left aside.
     """
@@ -212,7 +212,7 @@ def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals, until: flo
 
 
 def _linear_rows(result: FeasibleSet) -> tuple[Reals, Reals] | None:
-    """Rows A theta <= b of a set that is a polytope, else None."""
+    """Write the rows A theta <= b of a set that is a polytope, else None."""
     problem, p = result.problem, len(result.formulation.parameters)
     if problem.degree > 1 or problem.dimension != p or np.any(problem.equality):
         return None
@@ -226,7 +226,7 @@ def _linear_rows(result: FeasibleSet) -> tuple[Reals, Reals] | None:
 
 
 def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals, until: float) -> Reals:
-    """Gauss-Newton steps over a polytope: a least-squares program with rows, then its step."""
+    """Descend over a polytope by Gauss-Newton steps: least-squares programs with rows."""
     errors = misfit(theta)
     for _ in range(_STEPS):
         if time.monotonic() >= until:
@@ -248,7 +248,7 @@ def _within_rows(misfit: Misfit, theta: Reals, matrix: Reals, right: Reals, unti
 def _within_members(
     result: FeasibleSet, misfit: Misfit, theta: Reals, target: Reals | None, until: float
 ) -> Reals:
-    """As far on the way to the unconstrained minimum as members are known to reach."""
+    """Go towards the unconstrained minimum as far as members are known to reach."""
     if target is None:
         return theta
     size = _size(misfit(theta))
@@ -303,7 +303,7 @@ def _nearest(jacobian: Reals, errors: Reals, matrix: Reals, right: Reals) -> Rea
 
 
 def _proved(result: FeasibleSet, theta: Reals, inside: Reals) -> tuple[Reals, bool]:
-    """The vector, moved inwards a little where only that can be proved consistent."""
+    """Prove a vector consistent, moved inwards where only that can be proved."""
     for share in _INSIDE:
         point = np.asarray(theta + share * (inside - theta), np.float64)
         if consistent(result.formulation, point) is not None:

@@ -125,7 +125,7 @@ def simulated_ends(
 
 
 def _first(formulation: Formulation, recursion: Recursion, until: float) -> Reals | None:
-    """Output-error fit, where a structure has measured signals only."""
+    """Fit the output errors, where a structure has measured signals only."""
     if isinstance(formulation.model, BlockStructured):
         return None
     try:

@@ -34,7 +34,7 @@ class NamedVector:
     theta: NDArray[np.float64]
 
     def __getitem__(self, name: str) -> float:
-        """A parameter by name."""
+        """Return a parameter by name."""
         if name not in self.names:
             raise SetidError(f"name: found {name!r}, expected one of {', '.join(self.names)}")
         return float(self.theta[self.names.index(name)])

@@ -54,10 +54,16 @@ def inner_ends(
 
 
 def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
-    """An upper end of sign * theta at the proved point near x."""
+    """Bound sign * theta from above at the proved point near x."""
     return loosened(sign * float(point.x[place]) + point.radius, point)
 
 
 def loosened(value: float, point: sp.ProvedPoint) -> float:
-    """Return a little more than a value at a proved point, whose last digits may move."""
+    """Return a little more than a value at a proved point, whose last digits may move.
+
+    Parameters
+    ----------
+    value : float
+    point : sparsepop_py.ProvedPoint
+    """
     return float(value + point.radius + 8 * np.spacing(abs(value)))

@@ -70,7 +70,7 @@ def linear_ends(formulation: Formulation) -> list[NDArray[np.float64]]:
 
 
 def _matrix(problem: sp.Problem) -> sps.csr_array:
-    """Coefficients of rows (m, 1 + n), the constant first; of those that are linear."""
+    """Write the coefficients of linear rows (m, 1 + n), the constant first."""
     system = problem.rows
     places = system.row, system.words.max(axis=1, initial=0)
     shape = len(problem.constraints), 1 + problem.dimension
@@ -82,7 +82,7 @@ def _solved(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> Iterator[NDArray[np.float64] | None]:
-    """Parameters (p,) that leave all rows room, then those of each end; None for none."""
+    """Yield parameters (p,) with room in all rows, then those of each end."""
     matrix, equal = rows
     constant, slopes = matrix[:, [0]].toarray()[:, 0], matrix[:, 1 : low.size + 1]
     with_room = sps.csr_array(sps.hstack([slopes, -1.0 * ~equal[:, None]]))

@@ -40,7 +40,19 @@ ROUNDING = 1e-9  # excess of the noise level that is put down to the linear prog
 
 
 def noise_level(formulation: Formulation, theta: Reals) -> float:
-    """Compute the factor on all noise bounds that theta needs; NaN where unknown."""
+    """Compute the factor on all noise bounds that parameters need, up to rounding.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : (p,) float
+
+    Returns
+    -------
+    float
+        Infinite where no noise suffices, or bounds or priors exclude theta; NaN where no linear
+        program can tell.
+    """
     try:
         witness: Witness = least_noise(formulation, theta)
     except ModelError:
@@ -57,12 +69,18 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
 
 
 def is_member(formulation: Formulation, theta: Reals) -> bool:
-    """Check theta against data, noise bounds and priors, up to rounding."""
+    """Check parameters against data, noise bounds and priors, up to rounding; no proof.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : (p,) float
+    """
     return noise_level(formulation, theta) <= 1.0 + ROUNDING
 
 
 def _priors_hold(formulation: Formulation, x: Reals) -> bool:
-    """Rows of priors, which the least-noise program takes for granted or leaves out."""
+    """Check rows of priors, which the least-noise program takes for granted or leaves out."""
     for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
         if origin != "model":
             p = row.polynomial
@@ -147,7 +165,7 @@ def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]
 
 
 def _consistent_centre(result: FeasibleSet) -> Reals:
-    """The centre where it is a member, (1, p), else none, (0, p)."""
+    """Return the centre where it is a member, (1, p), else none, (0, p)."""
     theta = result.middle
     if theta is None or not is_member(result.formulation, theta):
         return np.zeros((0, len(result.formulation.parameters)))
@@ -243,7 +261,21 @@ def projection_estimate(result: FeasibleSet) -> Reals:
 
 
 def nominal(result: FeasibleSet) -> Reals:
-    """Choose the centre where consistent, else a consistent vector, else the centre anyway."""
+    """Choose the centre where consistent, else a consistent vector, else the centre anyway.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Returns
+    -------
+    (p,) float
+
+    Raises
+    ------
+    SetidError
+        If the set is proved empty, or there is neither a finite box nor a consistent vector.
+    """
     result.require_members()
     centre = result.middle
     if centre is None:

@@ -30,7 +30,14 @@ _INSIDE = 1e-6  # of the width of each bound: what a search keeps away from it
 
 
 def coupled(formulation: Formulation) -> bool:
-    """Check for products of unknown samples, or of one with several parameters."""
+    """Check for products of unknown samples, or of one with several parameters.
+
+    Sums of products that are unknowns of their own do not count as samples.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
     words, p = formulation.problem.rows.words, len(formulation.parameters)
     sample = np.arange(formulation.layout.dimension + 1) > p
     sample[formulation.layout.group(LIFTED) + 1] = False
@@ -73,7 +80,7 @@ def search_ends(
 
 
 def _end(formulation: Formulation, goal: sp.Problem, inside: Reals) -> Reals | None:
-    """A local minimiser; other trust regions are tried where a search ends off the equations."""
+    """Minimise locally; try other trust regions where a search leaves the equations."""
     for trust in _TRUST:
         end = _polished(formulation, sequential_search(goal, inside, trust=trust))
         if end is not None:
@@ -82,7 +89,7 @@ def _end(formulation: Formulation, goal: sp.Problem, inside: Reals) -> Reals | N
 
 
 def _least_noise(formulation: Formulation, problem: sp.Problem, start: Reals) -> Reals:
-    """A vector that needs little noise, its parameters within the bounds of the problem."""
+    """Find a vector of little noise, its parameters within the problem's bounds."""
     stated, p = problem_with_factor(formulation, None), len(formulation.parameters)
     lower, upper = stated.lower.copy(), stated.upper.copy()
     noise = np.append(held_unknowns(formulation), False)
@@ -95,7 +102,7 @@ def _least_noise(formulation: Formulation, problem: sp.Problem, start: Reals) ->
 
 
 def _within(formulation: Formulation, problem: sp.Problem) -> sp.Problem:
-    """The problem with some room to its bounds, without those that follow from others.
+    """Leave room to the bounds of a problem; drop those that follow from others.
 
     Those would stop linearised squares at zero.
     """
@@ -108,7 +115,7 @@ def _within(formulation: Formulation, problem: sp.Problem) -> sp.Problem:
 
 
 def _polished(formulation: Formulation, x: Reals) -> Reals | None:
-    """The vector moved to the equations; None where it is too far from them."""
+    """Move a vector to the equations; None where it is too far from them."""
     problem = formulation.problem
     off = np.abs(problem.rows.values(x)[problem.equality])
     if np.max(off, initial=0.0) > _NEAR:

@@ -28,7 +28,19 @@ _ENOUGH = 0.98  # of the noise: where a search for some consistent parameters en
 
 
 def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
-    """List parameter vectors that may be consistent: the box's middle, and least squares."""
+    """List parameter vectors that may be consistent: least squares, and the middle of a box.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sparsepop_py.Problem
+        Its problem on a box of the parameters, to which least squares are clipped.
+
+    Returns
+    -------
+    list of (p,) float
+        Those that are finite.
+    """
     p = len(formulation.parameters)
     found = []
     with np.errstate(invalid="ignore"):
@@ -133,7 +145,7 @@ def with_offsets(
 
 
 def _given(formulation: Formulation, known: Mapping[str, float]) -> Iterator[NDArray[np.float64]]:
-    """Known parameters, with the offset that drives the equation where that is the parameter."""
+    """Yield known parameters, with the offset of the equation where that is the parameter."""
     model, theta = formulation.model, dict(known)
     if isinstance(model, TransferFunction) and model.form == DRIVEN:
         for output, name in enumerate(model.offsets()):
@@ -143,7 +155,7 @@ def _given(formulation: Formulation, known: Mapping[str, float]) -> Iterator[NDA
 
 
 def _simulated(formulation: Formulation, problem: sp.Problem) -> Iterator[NDArray[np.float64]]:
-    """Parameters whose simulation has a small largest error, where outputs are noisy."""
+    """Yield parameters whose simulation has a small largest error, where outputs are noisy."""
     data, p = formulation.data, len(formulation.parameters)
     output = formulation.noise.bounds(data).output
     if not np.any(output > 0) or np.isnan(data.u).any():

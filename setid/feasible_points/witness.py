@@ -150,7 +150,7 @@ def _least_step(
     free: NDArray[np.int64],
     scaled: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], float] | None:
-    """Unknowns and noise level of one linear program, which is not needed where all are known."""
+    """Solve for unknowns and noise level by a linear program, if anything is unknown."""
     problem = formulation.problem
     origins = zip(formulation.rows.origin, formulation.rows.equation, strict=True)
     model = np.array([o == "model" and e != LIFTED for o, e in origins], bool)  # sums are placed

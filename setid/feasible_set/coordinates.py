@@ -175,7 +175,7 @@ def asked_of(
 
 @lru_cache(maxsize=4)
 def _with_unknown_sums(result: FeasibleSet, coordinates: Coordinates) -> FeasibleSet:
-    """The same set on a problem with these sums, where its structure can be stated so."""
+    """State the same set on a problem with these sums, where its structure allows it."""
     formulation = result.formulation
     model = formulation.model
     if formulation.sums == coordinates.sums:

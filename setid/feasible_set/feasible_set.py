@@ -109,6 +109,7 @@ def check_result(result: FeasibleSet) -> None:
     Raises
     ------
     SetidError
+        If it is another object.
     """
     if not isinstance(result, FeasibleSet):
         raise SetidError(f"result: found {type(result).__name__}, expected Identification")

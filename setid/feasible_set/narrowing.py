@@ -176,7 +176,7 @@ class Narrowing:
         return True
 
     def _chosen(self, functions: Reals, excess: Reals) -> list[int]:
-        """Places of the widest functions, each as little as possible like those before it."""
+        """Choose the widest functions, each as little as possible like those before it."""
         shapes = functions * (self.cover.upper - self.cover.lower)
         size = np.linalg.norm(shapes, axis=1)
         known = len(asked_of(self.result, self.coordinates)[1])

@@ -172,7 +172,7 @@ def _heights(cover: Cover, pair: list[int], normals: Reals) -> Reals:
 def _solved(
     result: FeasibleSet, pair: list[int], normals: Reals, options: sp.Options | None
 ) -> tuple[Reals, Reals]:
-    """Proved heights from relaxations that all directions share, and attained pairs."""
+    """Prove heights by relaxations that all directions share; return attained pairs, too."""
     full = np.zeros((len(normals), len(result.formulation.parameters)))
     full[:, pair] = normals
     settings = options or sp.Options(order=1, time_limit=result.options.time_limit)
@@ -184,7 +184,7 @@ def _solved(
 
 
 def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals | None:
-    """Corners of the projection of the polytope, anticlockwise, by looking past each edge.
+    """Find the corners of a polytope's projection, anticlockwise, by looking past each edge.
 
     None where the polytope is as thin as rounding, so that a linear program finds no point of it.
     """
@@ -214,7 +214,7 @@ def _corners(cover: Cover, pair: list[int], width: Reals) -> Reals | None:
 
 
 def _farthest(cover: Cover, pair: list[int], normal: Reals) -> Reals | None:
-    """A point of the polytope farthest in a direction, on the two parameters; None if not found."""
+    """Find the point of a polytope that is farthest in a direction, on two parameters."""
     cost = np.zeros(cover.lower.size)
     cost[pair] = -normal * cover.spread[pair]
     below = sps.csr_array(cover.matrix * cover.spread), cover.right - cover.matrix @ cover.centre
@@ -234,7 +234,7 @@ def _distinct(corners: list[Reals], width: Reals) -> list[Reals]:
 
 
 def _edge_normals(corners: Reals, width: Reals) -> Reals:
-    """Outward normals of the edges of a polygon, scaled to the box."""
+    """Compute outward normals of the edges of a polygon, scaled to the box."""
     if len(corners) < 2:
         return np.array([[1.0, 0.0]]) / width
     along = (np.roll(corners, -1, axis=0) - corners) / width
@@ -242,7 +242,7 @@ def _edge_normals(corners: Reals, width: Reals) -> Reals:
 
 
 def _outline(normals: Reals, heights: Reals, low: Reals, high: Reals) -> Reals:
-    """The box cut by half planes, as corners anticlockwise."""
+    """Cut the box by half planes; return corners anticlockwise."""
     x = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     for normal, height in zip(normals, heights, strict=True):
         if not np.isfinite(height):
@@ -263,7 +263,7 @@ def _outline(normals: Reals, heights: Reals, low: Reals, high: Reals) -> Reals:
 
 
 def _tidy(x: Reals, width: Reals) -> Reals:
-    """Corners that stand out, anticlockwise."""
+    """Keep the corners that stand out, anticlockwise."""
     try:
         hull = ConvexHull((x - x.mean(axis=0)) / width)
     except (QhullError, ValueError):

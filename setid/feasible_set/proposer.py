@@ -159,7 +159,7 @@ class Proposer:
     def _served(
         self, place: int, waiting: _Directions, sure: int | None = None
     ) -> Iterator[Proposal]:
-        """Multipliers for all waiting directions for which a basis is optimal."""
+        """Yield multipliers for all waiting directions for which a basis is optimal."""
         weights = self._inverses[place].T @ waiting.goals
         least = weights.min(axis=0, initial=0.0)
         fits = least >= -1e-11 * np.maximum(weights.max(axis=0, initial=0.0), -least)

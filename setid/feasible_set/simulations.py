@@ -134,7 +134,7 @@ def simulated_box(
 
 
 def _numbered(root: _RegionNode) -> tuple[TreeNode, ...]:
-    """All nodes, parents before their children."""
+    """Number all nodes, parents before their children."""
     every, found = [root], list[TreeNode]()
     for node in every:
         children = tuple(range(len(every), len(every) + len(node.children)))
@@ -200,7 +200,7 @@ class _Grower:
         return float(np.max(beyond / width))
 
     def _cut(self, region: Region, scale: Reals) -> tuple[int, float]:
-        """The parameter or direction that is widest against the root's, and its middle."""
+        """Choose the widest parameter or direction, in the root's widths, and its middle."""
         low = np.append(region.lower, region.low)
         high = np.append(region.upper, region.high)
         split = int(np.argmax((high - low) / scale))
@@ -228,7 +228,7 @@ def _widths(region: Region) -> Reals:
 
 
 def _step(every: Cover, wanted: Reals) -> Step | None:
-    """Multipliers of the rows that cut the box, by linear programs."""
+    """Propose multipliers of the rows that cut the box, by linear programs."""
     middle, far = every.centre, every.spread
     cuts = np.flatnonzero(every.matrix @ middle + np.abs(every.matrix) @ far > every.right)
     spaces = replace(every, matrix=every.matrix[cuts], right=every.right[cuts])

@@ -218,7 +218,7 @@ def least_largest_error(
 
 
 def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
-    """Local minimiser of the largest absolute value, by linear programs in a trust region."""
+    """Minimise the largest absolute value locally, by linear programs in a trust region."""
     values, radius = shares(x), 0.1
     for _ in range(_PROGRAMS):
         if time.monotonic() >= until:
@@ -241,7 +241,7 @@ def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
 
 
 def _linear_step(values: Reals, slope: Reals, room: Reals, norm: str = "linf") -> Reals | None:
-    """Step within abs(d) <= room for the least norm of values + slope d, linf or l1."""
+    """Choose abs(d) <= room with the least norm of values + slope d."""
     count, k = slope.shape
     sizes = sps.eye_array(count) if norm == "l1" else sps.csr_array(np.ones((count, 1)))
     eye, dense = sps.eye_array(k), sps.csr_array(slope)

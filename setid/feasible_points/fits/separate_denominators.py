@@ -176,7 +176,7 @@ class SeparateOutput:
         return float(np.linalg.norm(self._errors(a)))
 
     def _errors(self, a: Reals) -> Reals:
-        """Errors at known readings with the best of all else; huge where it overflows."""
+        """Compute errors at known readings with the best of all else; huge where it overflows."""
         columns = self.columns(a)[self.known]
         if not np.all(np.abs(columns) < _HUGE):
             return np.full(self._y.size, _HUGE)
@@ -199,7 +199,7 @@ class SeparateOutput:
         return np.asarray(columns[self.modelled] @ values, np.float64), dict(pairs)
 
     def _linear(self) -> list[str]:
-        """Names of the numerators' coefficients and of the offset."""
+        """List the names of the numerators' coefficients and of the offset."""
         model, inputs = self._model, range(1, self._model.inputs + 1)
         found = [b for j in inputs for b in coefficients_of(model, self.number + 1, j).numerator]
         return [*found, *self._constants[0][-1:]] if self._constants else found
