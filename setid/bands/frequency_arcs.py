@@ -184,7 +184,7 @@ def _cut_all(
 
 
 def _shifted(source: Proposer, m: int, q: int) -> list[NDArray[np.int64]]:
-    """Renumber bases of a cover as bases of its cells, which have 2 q rows more."""
+    """Renumber bases of a cover for its cells, which have 2 q rows more."""
     return [np.where(rows < m, rows, rows + 2 * q) for rows in source.bases]
 
 

@@ -212,7 +212,7 @@ def _unconstrained(result: FeasibleSet, misfit: Misfit, theta: Reals, until: flo
 
 
 def _linear_rows(result: FeasibleSet) -> tuple[Reals, Reals] | None:
-    """Write the rows A theta <= b of a set that is a polytope, else None."""
+    """Write rows A theta <= b of a polytope; None for other sets."""
     problem, p = result.problem, len(result.formulation.parameters)
     if problem.degree > 1 or problem.dimension != p or np.any(problem.equality):
         return None

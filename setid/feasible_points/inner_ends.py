@@ -59,7 +59,9 @@ def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
 
 
 def loosened(value: float, point: sp.ProvedPoint) -> float:
-    """Return a little more than a value at a proved point, whose last digits may move.
+    """Return a little more than a value at a proved point.
+
+    Its last digits may move by rounding.
 
     Parameters
     ----------

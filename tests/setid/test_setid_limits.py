@@ -87,7 +87,7 @@ def test_exact_linear_programs_that_take_too_long_give_way(monkeypatch) -> None:
         assert outer(other)[name][1] - outer(other)[name][0] <= 1.1 * (high - low)
 
 
-@pytest.mark.parametrize(("module", "stage"), [(methods, "find_box"), (engine, "_ends")])
+@pytest.mark.parametrize(("module", "stage"), [(methods, "find_box"), (engine, "starts_of_engine")])
 def test_a_stage_without_time_loses_nothing_else(module, stage, monkeypatch) -> None:
     monkeypatch.setattr(module, stage, Late())
     result = setid.identify(record(), MODEL, NOISE, options=OPTIONS)
