@@ -176,7 +176,8 @@ def simulate_band(
         Share of the attained width by which a proved band of models may reach beyond it on each
         side.
     time_limit : float
-        Seconds in which that is tried. If infinite, until cells are forecast to become too many.
+        Seconds in which that is tried, or mixtures are. If infinite, until cells are forecast to
+        become too many.
 
     Returns
     -------
@@ -219,7 +220,7 @@ def simulate_band(
             low, high = (frozen(x) for x in attained)
             reports = tuple(b.report for b in bands)
             return replace(band, attained_low=low, attained_high=high, reports=reports)
-    thetas = np.vstack([theta, members(result, samples, seed)])
+    thetas = np.vstack([theta, members(result, samples, seed, time_limit)])
     with np.errstate(over="ignore", invalid="ignore"):
         outputs = np.array([run(model, t, record) for t in thetas])
     low, high = outputs.min(axis=0), outputs.max(axis=0)

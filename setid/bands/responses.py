@@ -219,7 +219,7 @@ def frequency_band(
         Mixtures of attained members, for sampled bands.
     time_limit : float
         Seconds for ranges of responses, where the rows in theta say little, and for what is proved
-        between the frequencies.
+        between the frequencies; of sampled bands for mixtures.
     executor : concurrent.futures.Executor, optional
         Bounds proved bands, 32 frequencies a task; what is proved is the same with any number
         of workers.
@@ -278,7 +278,7 @@ def frequency_band(
             arcs = refined_arcs(cover, theta, families, until, late)
             found = _met(found, arcs, frequencies * data.Ts, response)
     else:
-        thetas = np.vstack([theta, members(result, samples, seed)])
+        thetas = np.vstack([theta, members(result, samples, seed, time_limit)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
     magnitude, turn, regions = found
     angle = np.unwrap(np.angle(response))

@@ -156,7 +156,8 @@ def step_band(
     tolerance : float
         Share of the attained width by which a proved band may reach beyond it on each side.
     time_limit : float
-        Seconds in which that is tried. If infinite, until cells are forecast to become too many.
+        Seconds in which that is tried, or mixtures are. If infinite, until cells are forecast to
+        become too many.
     all_time : bool
         Whether to prove a range of the response after the last sample too; possible where every
         member is stable.
@@ -209,7 +210,7 @@ def step_band(
             result, (count, column, input - 1), theta, accuracy, later_on
         )
     else:
-        thetas = np.vstack([theta, _plant(model, members(result, samples, seed))])
+        thetas = np.vstack([theta, _plant(model, members(result, samples, seed, time_limit))])
         with np.errstate(over="ignore", invalid="ignore"):
             found = np.array([simulate(model, t, u)[:, column] for t in thetas])
         low, high = attained = found.min(axis=0), found.max(axis=0)

@@ -6,8 +6,8 @@ Nothing here is a cover of the set: what is drawn from members is labelled *samp
 from __future__ import annotations
 
 import time
-from itertools import takewhile
 from math import inf
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sps
@@ -104,7 +104,8 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
         Mixtures that are tried; those that the data refute are left out.
     seed : int
     time_limit : float
-        Seconds after which no further mixture is tried.
+        Seconds after which no further mixture is tried. Those that were tried for the same result
+        and seed before are not tried again.
 
     Returns
     -------
@@ -139,9 +140,16 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
     weights = np.random.default_rng(start).dirichlet(np.full(len(known), 0.5), tries)
     mixed = weights @ known
     until = time.monotonic() + seconds_of(time_limit)
-    tried = takewhile(lambda _: time.monotonic() < until, mixed)
-    keep = [theta for theta in tried if is_member(result.formulation, theta)]
+    tried = _TRIED.setdefault(result, {}).setdefault(start, {})
+    for number, theta in enumerate(mixed):
+        if number not in tried and time.monotonic() < until:
+            tried[number] = is_member(result.formulation, theta)
+    keep = [theta for number, theta in enumerate(mixed) if tried.get(number)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
+
+
+# of each set and seed, whether mixtures are consistent, by their numbers in the order of drawing
+_TRIED: WeakKeyDictionary[FeasibleSet, dict[int, dict[int, bool]]] = WeakKeyDictionary()
 
 
 def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]:

@@ -19,7 +19,7 @@ __all__ = ["FeasibleSet", "check_result"]
 Reals = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class FeasibleSet:
     """All parameter vectors that are consistent with a record, with proved intervals of them.
 

@@ -287,7 +287,7 @@ def _step(result: Identification, output: int, input: int, works: _Works) -> lis
     try:
         band = drawn(time_limit=seconds)
     except SetidError:
-        band = drawn(kind="sampled")
+        band = drawn(kind="sampled", time_limit=seconds)
     return [_picture(f"response to a unit step, {band.kind}", band.plot)]
 
 

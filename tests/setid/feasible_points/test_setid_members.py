@@ -1,0 +1,57 @@
+"""Members of a feasible set: attained vectors and consistent mixtures of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identified_cases import first_order
+
+from setid.feasible_points import members as room
+from setid.feasible_points.members import is_member, members
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """What was asked of mixtures."""
+    asked: list[bool] = []
+
+    def ask(*given: object) -> bool:
+        asked.append(is_member(*given))  # type: ignore[arg-type]
+        return asked[-1]
+
+    monkeypatch.setattr(room, "is_member", ask)
+    return asked
+
+
+def test_no_mixture_is_tried_twice(tried: list[bool]) -> None:
+    result = replace(first_order())
+    more = members(result, 12, seed=3)
+    assert len(tried) == 12
+    fewer = members(result, 5, seed=3)
+    assert len(tried) == 12
+    np.testing.assert_array_equal(fewer, more[: len(fewer)])
+    assert len(fewer) == len(result.attained) + sum(tried[:5])
+    np.testing.assert_array_equal(members(result, 12, seed=3, time_limit=0.0), more)
+    members(result, 14, seed=3)
+    assert len(tried) == 14
+
+
+@pytest.mark.parametrize(
+    "other", [lambda result: members(result, 4, seed=2), lambda result: members(replace(result), 4)]
+)
+def test_other_seeds_and_results_have_mixtures_of_their_own(
+    other: Callable[[object], object], tried: list[bool]
+) -> None:
+    result = replace(first_order())
+    members(result, 4)
+    other(result)
+    assert len(tried) == 8
+
+
+def test_none_is_tried_once_time_is_over(tried: list[bool]) -> None:
+    result = replace(first_order())
+    np.testing.assert_array_equal(members(result, 9, time_limit=0.0), result.attained)
+    assert not tried
