@@ -197,7 +197,7 @@ class SearchTree:
             ]
         lone = self.context.for_worker()
         tasks = [(lone, self.settings, node.box, self.tree_cutoff) for node in nodes]
-        found, broken = run_on(executor, _in_worker, tasks, self.context.deadline)
+        found, broken = run_on(executor, process_node, tasks, self.context.deadline)
         spend(sum(each.work for each in found if each is not None))  # not counted here so far
         if broken:
             self.broken = True
@@ -281,14 +281,6 @@ class SearchTree:
         root = certificate_node(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
         return certify(replay, root, least)
-
-
-def _in_worker(
-    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
-) -> ProcessedNode:
-    """Process a node in another process or thread, within the limits."""
-    with context.deadline.kept():
-        return process_node(context, settings, box, cutoff)
 
 
 def _leaves_of(root: _Open) -> list[_Open]:

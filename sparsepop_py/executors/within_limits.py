@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Generic, TypeVar
 
 from sparsepop_py.budget import Deadline, LimitReached, counting_from, meter
@@ -27,11 +26,11 @@ def run_on(
     tasks: Sequence[tuple[Any, ...]],
     deadline: Deadline,
 ) -> tuple[list[Result | None], str]:
-    """Run tasks on an executor and collect what it returns before it breaks.
+    """Run tasks on an executor, each within the limits, and collect what they return.
 
-    Tasks of a task of the same threads are done here, since waiting for them might never end.
-    Work that they spend is not counted in this thread, wherever they are done: what they return
-    may tell it.
+    What came before it broke is kept. Tasks of a task of the same threads are done here, since
+    waiting for them might never end. Work that they spend is not counted in this thread, wherever
+    they are done: what they return may tell it.
 
     Parameters
     ----------
@@ -53,7 +52,7 @@ def run_on(
     LimitReached
         If the deadline ends the work first.
     """
-    work = _Counted(work)
+    work = _Limited(work, deadline)
     if is_within(executor):
         return [work(*task) for task in tasks], ""
     found: list[Result | None] = [None] * len(tasks)
@@ -82,19 +81,20 @@ def run_on(
 
 
 @dataclass(frozen=True, eq=False)
-class _Counted(Generic[Result]):
-    """Task that counts its work on from that of the thread which asks for it."""
+class _Limited(Generic[Result]):
+    """Task within limits, whose work counts on from that of the thread which asks for it."""
 
     work: Callable[..., Result]
+    deadline: Deadline
     asked: Any = field(default_factory=meter)
 
     def __call__(self, *arguments: Any) -> Result:
-        with counting_from(self.asked):
+        with counting_from(self.asked), self.deadline.kept():
             return self.work(*arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Leave that out in another process: deadlines bring what is left of them."""
-        return partial, (self.work,)
+        """Leave the meter out in another process: deadlines bring what is left of them."""
+        return _Limited, (self.work, self.deadline)
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,9 +168,8 @@ def _reached_all(
 
 
 def _reached_apart(*task: Any) -> tuple[BoxBound, NDArray[np.float64] | None]:
-    """Bound a variable in another process or thread, within the limits."""
-    with task[0].deadline.kept():
-        found, point = _reached(*task)
+    """Bound a variable in another process or thread, and leave the solution there."""
+    found, point = _reached(*task)
     return replace(found, solution=None), point
 
 

@@ -17,6 +17,7 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
 from sparsepop_py.budget import Deadline, LimitReached, spend, spent
+from sparsepop_py.budget import check as check_limits
 from sparsepop_py.executors.within_limits import run_on
 
 
@@ -145,6 +146,20 @@ def test_a_task_of_threads_does_its_own_tasks():
         assert tasks.result(5) == ([(3, 1), (2, 1)], "")
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+class Elsewhere(Refusing):
+    """Runs tasks as another process would: from a pickle, without limits of this thread."""
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        fn, args, kwargs = pickle.loads(pickle.dumps((fn, args, kwargs)))
+        return super().submit(fn, *args, **kwargs)
+
+
+@pytest.mark.parametrize("executor", [Refusing(1), Elsewhere(1)])
+def test_a_task_is_within_the_limits(executor) -> None:
+    with pytest.raises(LimitReached):
+        run_on(executor, check_limits, [()], Deadline(1e-9))
 
 
 def is_over(deadline: Deadline) -> bool:

@@ -17,8 +17,7 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.branch_and_bound.node import NodeSettings, process_node
 from sparsepop_py.branch_and_bound.tree import SearchTree
-from sparsepop_py.budget import Deadline, LimitReached
-from sparsepop_py.budget import check as check_limits
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
@@ -199,13 +198,6 @@ def test_the_box_of_a_node_is_divided_unless_runs_have_to_repeat(limit) -> None:
     with Counting() as executor:
         search.grow(1, lambda: False, executor)
     assert (executor.tasks > 0) == (limit is None)
-
-
-def test_a_worker_keeps_the_limits_of_the_node(monkeypatch) -> None:
-    monkeypatch.setattr(obbt_sdp, "_reached", lambda *_: check_limits())
-    context = SolveContext(record(), Options(effort="auto"), Stages(), Deadline(1e-9))
-    with pytest.raises(LimitReached):
-        obbt_sdp._reached_apart(context)
 
 
 def test_a_broken_executor_costs_no_bound() -> None:
