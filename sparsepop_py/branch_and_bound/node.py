@@ -25,8 +25,8 @@ from sparsepop_py.tightening.mccormick import (
     LinearRelaxation,
     first_moments,
     products_error,
-    tighten_bounds,
 )
+from sparsepop_py.tightening.obbt_lp import tighten_bounds
 from sparsepop_py.tightening.obbt_sdp import tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling

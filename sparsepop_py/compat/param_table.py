@@ -183,7 +183,7 @@ FIELDS: tuple[Field, ...] = (
         "`tighten = 0`, the multiplier of a constraint g has only products of at most "
         "floor(order / deg g - 1/2) of its own terms, as in that paper; such a relaxation proves "
         "no more than that of 0 or 1. With `tighten = 1` they are 0 and 1, with a warning.",
-        "test_obbt_lp.py::test_multipliers_are_made_of_terms_of_their_constraints",
+        "test_smaller_relaxations.py::test_multipliers_are_made_of_terms_of_their_constraints",
         (0, 1, 2, 3),
     ),
     Field(
@@ -257,7 +257,7 @@ FIELDS: tuple[Field, ...] = (
         "1: monomials of degree two and more whose squares nothing can match go, until nothing "
         "changes. 2: those of the constraints' multipliers too; as in the original before bounds "
         "of moments are added, so that with `boundSW` the value may be smaller. " + _MULTIPLIERS,
-        "test_obbt_lp.py::test_eliminated_monomials_change_no_value",
+        "test_smaller_relaxations.py::test_eliminated_monomials_change_no_value",
         (0, 1, 2),
         True,
     ),
@@ -270,7 +270,7 @@ FIELDS: tuple[Field, ...] = (
         "solution.",
         "The same, 2 as 1; `POP.xVect` is no vector of moments where a first moment has left. "
         + _MULTIPLIERS,
-        "test_obbt_lp.py::test_an_aggressive_reduction_may_lose_the_first_moments",
+        "test_smaller_relaxations.py::test_an_aggressive_reduction_may_lose_the_first_moments",
         (0, 1, 2),
         True,
     ),

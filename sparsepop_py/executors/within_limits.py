@@ -82,7 +82,7 @@ def run_on(
 
 @dataclass(frozen=True, eq=False)
 class _Limited(Generic[Result]):
-    """Task within limits, whose work counts on from that of the thread which asks for it."""
+    """Task within limits that counts its work on from that of the asking thread."""
 
     work: Callable[..., Result]
     deadline: Deadline

@@ -26,7 +26,8 @@ from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.strategy.settings import BOUND_TIGHTENING
 from sparsepop_py.strategy.shared_state import branching_variables
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of
+from sparsepop_py.tightening.obbt_lp import tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import (

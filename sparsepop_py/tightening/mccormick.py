@@ -13,8 +13,6 @@ G. P. McCormick, Computability of global solutions to factorable nonconvex progr
 Math. Programming 10, 1976.
 H. D. Sherali, C. H. Tuncbilek, A global optimization algorithm for polynomial programming
 problems using a reformulation-linearization technique, J. Global Optim. 2, 1992.
-A. M. Gleixner, T. Berthold, B. Mueller, S. Weltge, Three enhancements for
-optimization-based bound tightening, J. Global Optim. 67, 2017.
 """
 
 from __future__ import annotations
@@ -22,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -31,7 +28,6 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.budget import Deadline
 from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
@@ -43,12 +39,10 @@ from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
-from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
-__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tighten_bounds"]
+__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,76 +238,6 @@ def _used_products(
     number = np.arange(needed.size)
     number[single + kept] = single + np.arange(kept.size)
     return number[generator], number[products[kept]]
-
-
-def tighten_bounds(
-    replay: Replay,
-    mccormick: LinearRelaxation,
-    box: Interval,
-    variables: Sequence[int],
-    time_limit: float | None = None,
-    seen: list[NDArray[Any]] | None = None,
-) -> tuple[Interval, Tightening | None, bool]:
-    """Tighten the bounds of variables on a box by two linear programs each (OBBT).
-
-    A side that a solution of this round touches is left out.
-
-    Parameters
-    ----------
-    replay : Replay
-        The problem, with the cutoff.
-    mccormick : LinearRelaxation
-        The linear relaxation on the box.
-    box : Interval
-    variables : sequence of int
-    time_limit : float, optional
-        Seconds after which the remaining sides are left out.
-    seen : list of (n,) float, optional
-        The solutions' points are appended to it.
-
-    Returns
-    -------
-    box : Interval
-        The tightened box.
-    step : Tightening or None
-        The step that proves it; None if nothing was gained.
-    empty : bool
-        Whether a program was infeasible.
-    """
-    n = box.lo.size
-    prices: list[NDArray[Any]] = []
-    chosen: list[tuple[int, int]] = []
-    points: list[NDArray[Any]] = []
-    width = box.width()
-    deadline = Deadline(time_limit)
-    sides = [
-        (v, side) for v in variables for side in (1, -1) if mccormick.holds(v) and width[v] > 0
-    ]
-    for v, side in sides:
-        edge = box.lo[v] if side > 0 else box.hi[v]
-        if deadline.over or any(abs(x[v] - edge) <= 0.1 * width[v] for x in points):
-            continue
-        found = mccormick.reach(v, side, deadline.left)
-        if found.status == "infeasible":
-            return box, None, True
-        if found.status != "solved":
-            continue
-        points.append(mccormick.point(found))
-        if seen is not None:
-            seen.append(points[-1])
-        if abs(points[-1][v] - edge) > 1e-3 * width[v]:
-            prices.append(found.dual)
-            chosen.append((v, side))
-    if not chosen:
-        return box, None, False
-    variable, side = np.array(chosen, np.int64).T
-    dual = mccormick.dual(prices, mccormick.scaled.scaling.scale[variable].tolist(), short=True)
-    system, equality = replay.system(False)
-    value = dual.evaluate(system, equality, coordinates(variable, side, n))
-    value = np.where(np.isfinite(value), value - 1e-14 * np.abs(value), -np.inf)
-    step = Tightening(variable, side, value, dual, False)
-    smaller = replay.step(step, box)
-    return smaller, step, is_empty(smaller)
 
 
 def coordinate_of(objective: Polynomial) -> tuple[int, int] | None:

@@ -20,6 +20,8 @@ class ObbtSettings:
         Multipliers this small against the largest are left out.
     lp_sweeps : int
         Sweeps of propagation after linear programs moved bounds.
+    lp_worth : float
+        Share of a width that the solution of a linear program must gain to be kept.
     lp_gained : float
         Share of a width: another round by linear programs follows where one fell below
         it.
@@ -34,7 +36,7 @@ class ObbtSettings:
     touched : float
         Share of a width: a side that a point comes this near is left out.
     worth : float
-        Share of a width that a bound must gain to be kept.
+        Share of a width that a semidefinite relaxation must gain to be kept.
     short : float
         Share of its gain that shorter multipliers may lose.
     sdp_sweeps : int
@@ -43,6 +45,7 @@ class ObbtSettings:
 
     small_multiplier: float = 1e-9
     lp_sweeps: int = 3
+    lp_worth: float = 1e-3
     lp_gained: float = 0.8
     accuracy: float = 1e-5
     rough_accuracy: float = 5e-3

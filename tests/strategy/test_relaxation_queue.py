@@ -24,8 +24,8 @@ from sparsepop_py.strategy import adaptive, relaxation_queue
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
-from sparsepop_py.tightening.obbt_lp import apply_steps
+from sparsepop_py.tightening.mccormick import LinearRelaxation
+from sparsepop_py.tightening.obbt_lp import apply_steps, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay
 

@@ -11,7 +11,8 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
+from sparsepop_py.tightening.mccormick import LinearRelaxation
+from sparsepop_py.tightening.obbt_lp import tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay

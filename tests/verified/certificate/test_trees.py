@@ -14,7 +14,8 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
+from sparsepop_py.tightening.mccormick import LinearRelaxation
+from sparsepop_py.tightening.obbt_lp import tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
