@@ -25,6 +25,7 @@ __all__ = ["converted", "divided", "factor_of"]
 Reals = NDArray[np.float64]
 _MOST = float(np.finfo(float).max)
 _LEAST = float(np.finfo(float).tiny)  # smaller results have fewer digits
+_TINY = 1e-300  # more than what underflow takes from a sum
 
 
 def converted(
@@ -92,15 +93,41 @@ def factor_of(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -
                 ends = np.sort(ends / goal, axis=1)
                 ends = ends + 0.9e-14 * np.abs(ends) * [-1.0, 1.0]
             return np.nextafter(ends, [-np.inf, np.inf])
-    if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
-        top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
-        lost = 1e-14 * (1.0 + np.abs(cells[:, :, :n]).sum(axis=2))  # near a pole at 1 it is much
-        top = top + lost * [-1.0, 1.0]
-        below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
-        slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
-        below = below + slack * [-1.0, 1.0]
-        return divided(top, below)
+    if parts.label in model.unit_gain:
+        return _by_static_gain(parts, model, cells)
     return everything
+
+
+def _by_static_gain(parts: Parts, model: BlockStructured, cells: Reals) -> Reals:
+    """The factor with which the coefficients of G's numerator add up to 1 + sum a."""
+    n, (places, known) = len(parts.poles), _numerator_of(parts, model)
+    top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
+    lost = 1e-14 * (1.0 + np.abs(cells[:, :, :n]).sum(axis=2))  # near a pole at 1 it is much
+    top = top + lost * [-1.0, 1.0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        shares = cells[:, :, [n + place for place in places]] * parts.constants[places] / known
+        below = np.sort(shares, axis=1).sum(axis=2)
+        slack = 1e-14 * np.abs(shares).sum(axis=2).max(axis=1, keepdims=True) + _TINY
+        below = below + slack * [-1.0, 1.0]
+    if not places or not np.all(np.isfinite(below)):
+        return np.tile([-np.inf, np.inf], (len(cells), 1))
+    return divided(top, below)
+
+
+def _numerator_of(parts: Parts, model: BlockStructured) -> tuple[list[int], float]:
+    """Places where a known factor multiplies each coefficient of G's numerator, and the factor.
+
+    The factor is 1, or, where a map drives G, a coefficient of that map that is fixed. No places
+    where none is.
+    """
+    fixed, numerator = dict(model.fixed), set(model.linear_blocks[parts.label].numerator)
+    words = {word: place for place, word in enumerate(parts.words)}
+    for rest in {frozenset(word) - numerator for word in words}:
+        same = [place for word, place in words.items() if frozenset(word) - numerator == rest]
+        known = float(np.prod([fixed.get(name, 0.0) for name in rest]))
+        if len(rest) <= 1 and len(same) == len(numerator) and known != 0.0:
+            return same, known
+    return [], 1.0
 
 
 def divided(top: Reals, below: Reals) -> Reals:

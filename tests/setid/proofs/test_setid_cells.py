@@ -222,10 +222,66 @@ def test_static_gains_near_a_pole_at_one_carry_the_rounding_of_sums() -> None:
             poles=("a1", "a2", "a3"), words=(("b1",),), constants=np.ones(1), columns=(), past=(),
             label="G",
         )  # fmt: skip
-        model = SimpleNamespace(fixed=(), unit_gain=("G",))
+        blocks = {"G": SimpleNamespace(numerator=("b1",))}
+        model = SimpleNamespace(fixed=(), unit_gain=("G",), linear_blocks=blocks)
         low, high = factor_of(parts, model, np.array([[cell, cell]]), None)[0]
         exact = 1 + sum(map(Fraction, a.tolist()))
         assert Fraction(low) <= exact <= Fraction(high)
+
+
+@pytest.mark.parametrize("fixed", [-2.0, 0.5])
+@pytest.mark.parametrize("complete", [True, False])
+def test_static_gains_behind_a_map_are_those_of_coefficients_alone(
+    fixed: float, complete: bool
+) -> None:
+    """The face has b1 g1 = 1, b2 g1 = 1/2, b1 g2 = 1/8: b1 + b2 = 1 + a1 = 3/4 by hand."""
+    words = (("b1", "g1"), ("b2", "g1"), ("b1", "g2"))
+    if not complete:  # without one of them their sum is not known
+        words = (("b1", "g1"), ("b2", "g2"), ("b1", "g2"))
+    parts = SimpleNamespace(
+        poles=("a1",), words=words, constants=np.array([2.0, 1.0, 4.0]), columns=(), past=(),
+        label="G",
+    )  # fmt: skip
+    blocks = {"G": SimpleNamespace(numerator=("b1", "b2"))}
+    model = SimpleNamespace(fixed=(("g1", fixed),), unit_gain=("G",), linear_blocks=blocks)
+    cell = np.array([-0.25, 0.5, 0.5, 0.03125])
+    low, high = factor_of(parts, model, np.array([[cell, cell]]), None)[0]
+    exact = 0.75 / ((1.0 + 0.5) / fixed)  # both are doubles
+    assert low <= exact <= high
+    assert (high - low < 1e-10) == complete
+
+
+def test_a_static_gain_bounds_a_map_before_the_block() -> None:
+    """z = G w, w = u + .2 u^2, y = z + .4 z^2 with z(k) = .5 z(k-1) + .5 w(k-1)."""
+    model = setid.HammersteinWiener(
+        setid.TransferFunction(1, 1, 1), 2, 2, ["gamma[w]1", "dcgain"], initial="zero"
+    )
+    u, z = np.random.default_rng(0).uniform(-1, 1, 30), np.zeros(30)
+    w = u + 0.2 * u**2
+    for k in range(1, 30):
+        z[k] = 0.5 * z[k - 1] + 0.5 * w[k - 1]
+    data = setid.IOData(u, z + 0.4 * z**2)
+    found = boxed(setid.formulate(data, model, setid.Noise(output=0.005), setid.Stable()))
+    assert holds(found, (-0.5, 0.5, 0.2, 1.0, 0.4))
+    assert np.all(found.upper - found.lower < 1.0)
+
+
+def test_a_coefficient_of_a_sum_of_signals_counts_once() -> None:
+    """With z(k) = .5 z(k-1) + .5 (u1 - u2)(k-1), the coefficient b1 has a row for each input."""
+    model = setid.BlockStructured(
+        {("z", "u1 - u2"): setid.TransferFunction(1, 1, 1)},
+        {"y1": setid.StaticMap("z", 2)},
+        inputs=2,
+        normalise="dcgain",
+        initial="zero",
+    )
+    u, z = np.random.default_rng(3).uniform(-1, 1, (40, 2)), np.zeros(40)
+    for k in range(1, 40):
+        z[k] = 0.5 * z[k - 1] + 0.5 * (u[k - 1, 0] - u[k - 1, 1])
+    data = setid.IOData(u, z + 0.3 * z**2)
+    found = boxed(setid.formulate(data, model, setid.Noise(output=0.01), setid.Stable()))
+    assert holds(found, (-0.5, 0.5, 1.0, 0.3))
+    assert np.all(found.upper - found.lower < 1.0)
 
 
 def test_cells_remain_where_only_rounding_breaks_a_prior() -> None:
