@@ -55,6 +55,10 @@ class Cones:
         return self.zero + self.nonnegative + sum(s * (s + 1) // 2 for s in self.psd)
 
 
+# What a damaged archive raises; a RuntimeError where its flags ask for a password or a patch.
+_DAMAGED = (EOFError, KeyError, RuntimeError, TypeError, ValueError, BadZipFile, zlib.error)
+
+
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
     """Conic program: minimise q'y + offset subject to s in K.
@@ -142,7 +146,7 @@ class ConicProgram:
                 sizes = tuple(int(s) for s in file["psd"])
                 cones = Cones(int(file["zero"]), int(file["nonnegative"]), sizes)
                 return ConicProgram(file["q"], matrix, file["b"], cones, float(file["offset"]))
-        except (EOFError, KeyError, TypeError, ValueError, BadZipFile, zlib.error) as error:
+        except _DAMAGED as error:
             raise FormatError(f"{path}: expected a saved conic program: {error}") from error
 
     def __str__(self) -> str:

@@ -246,3 +246,23 @@ def test_indices_of_sparse_matrices_are_checked() -> None:
         changed = data[:rows] + struct.pack("<i", wrong) + data[rows + 4 :]
         with pytest.raises(FormatError, match="indices outside the matrix"):
             check_structure(changed)
+
+
+# ---- NPZ -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flag", [0x01, 0x20])
+def test_archives_with_passwords_or_patches_are_refused(flag: int, tmp_path: Path) -> None:
+    """Bits 0 and 5 of the flags in a header of a ZIP file mean these; zipfile reads neither."""
+    path = tmp_path / "program.npz"
+    problem = some_problem()
+    sp.assemble(sp.relax(problem), problem.objective).save(path)
+    data = bytearray(path.read_bytes())
+    for start, place in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        at = data.find(start)
+        while at >= 0:
+            data[at + place] |= flag
+            at = data.find(start, at + 1)
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match=r"program.npz: expected a saved conic program"):
+        sp.ConicProgram.load(path)
