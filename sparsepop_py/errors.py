@@ -6,6 +6,8 @@ Mathematical outcomes (infeasible, unbounded, nothing proved) are statuses of a
 
 from __future__ import annotations
 
+import numbers
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,11 @@ __all__ = [
     "ProblemError",
     "SolverNotFound",
     "SparsePOPError",
+    "check_choice",
     "check_kind",
+    "check_number",
+    "check_switch",
+    "check_whole",
     "check_writable",
     "doubles",
     "entries_of",
@@ -112,12 +118,68 @@ def check_kind(given: Any, kinds: type | tuple[type, ...], field: str) -> None:
         raise ProblemError(f"{field}: found {type(given).__name__}, expected a {names}")
 
 
+def check_switch(given: Any, field: str) -> None:
+    """Check that an argument is True or False.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if not isinstance(given, (bool, np.bool_)):
+        raise ProblemError(f"{field}: found {shown(given)}, expected True or False")
+
+
+def check_whole(given: Any, field: str, least: int, most: int = 2**31 - 1) -> int:
+    """Return an argument as an integer in a range; booleans and fractions are refused.
+
+    Raises
+    ------
+    ProblemError
+    """
+    whole = isinstance(given, numbers.Integral) and not isinstance(given, bool)
+    if not whole or not least <= int(given) <= most:
+        raise ProblemError(
+            f"{field}: found {shown(given)}, expected an integer from {least} to {most}"
+        )
+    return int(given)
+
+
+def check_number(given: Any, field: str, least: float = -np.inf) -> float:
+    """Return an argument as a double, at least a number; booleans and NaN are refused.
+
+    Raises
+    ------
+    ProblemError
+    """
+    real = isinstance(given, numbers.Real) and not isinstance(given, bool)
+    try:
+        value = float(given) if real else np.nan
+    except OverflowError:
+        value = np.nan
+    if not value >= least:
+        bound = "" if least == -np.inf else f" >= {least:g}"
+        raise ProblemError(f"{field}: found {shown(given)}, expected a number{bound}")
+    return value
+
+
+def check_choice(given: Any, field: str, choices: Collection[str]) -> None:
+    """Check that an argument is one of some words.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if not isinstance(given, str) or given not in choices:
+        listed = " or ".join(map(repr, choices))
+        raise ProblemError(f"{field}: found {shown(given)}, expected {listed}")
+
+
 def shown(given: Any) -> str:
     """Return the beginning of what Python prints of a value, for messages."""
     try:
         return f"{given!r:.60}"
-    except ValueError:  # an integer beyond Python's limit of digits
-        return "an integer of thousands of digits"
+    except Exception:  # an integer of thousands of digits, lists in lists without end
+        return f"a {type(given).__name__} that cannot be printed"
 
 
 def entries_of(given: Any, field: str, expected: str) -> list[Any]:

@@ -29,9 +29,9 @@ from sparsepop_py.algebra import exact_terms, monomials
 from sparsepop_py.algebra.exact_terms import ExactTerms, Grid, exact_fraction
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.errors import ProblemError, doubles, entries_of, shown
+from sparsepop_py.errors import ProblemError, check_kind, check_whole, doubles, entries_of, shown
 
-__all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
+__all__ = ["Constraint", "Kind", "Polynomial", "polynomials_of", "total", "variables"]
 
 
 class Kind(Enum):
@@ -113,12 +113,12 @@ class Constraint:
 
     def _check_types(self) -> None:
         if not isinstance(self.kind, Kind):
-            raise ProblemError(f"kind: found {self.kind!r}, expected a Kind")
+            raise ProblemError(f"kind: found {shown(self.kind)}, expected a Kind")
         if not isinstance(self.name, str):
-            raise ProblemError(f"name: found {self.name!r}, expected a string")
+            raise ProblemError(f"name: found {shown(self.name)}, expected a string")
         if not isinstance(self.entries, tuple):
             if not isinstance(self.entries, Iterable):
-                raise ProblemError(f"entries: found {self.entries!r}, expected Polynomials")
+                raise ProblemError(f"entries: found {shown(self.entries)}, expected Polynomials")
             self.__dict__["entries"] = tuple(self.entries)
         for p in (self.polynomial, *self.entries):
             if not isinstance(p, Polynomial):
@@ -151,13 +151,17 @@ class Constraint:
         Parameters
         ----------
         i, j : int
-            From 0 to ``side - 1``, which is not checked. The matrix is symmetric: i and j may be
-            exchanged.
+            From 0 to ``side - 1``. The matrix is symmetric: i and j may be exchanged.
 
         Returns
         -------
         int or None
             The place in ``entries``, from 0; None for an entry that is zero.
+
+        Raises
+        ------
+        ProblemError
+            If i or j is no row of the matrix.
 
         Examples
         --------
@@ -167,6 +171,8 @@ class Constraint:
         >>> [[cone.position(i, j) for j in range(3)] for i in range(3)]
         [[0, 1, 2], [1, 0, None], [2, None, 0]]
         """
+        last = self.side - 1
+        i, j = check_whole(i, "i", 0, last), check_whole(j, "j", 0, last)
         i, j = max(i, j), min(i, j)
         if self.kind is Kind.PSD:
             return i * (i + 1) // 2 + j
@@ -454,7 +460,7 @@ class Polynomial(ReadOnly):
         whole = isinstance(dimension, numbers.Integral) and not isinstance(dimension, bool)
         if not whole or not max(least, 1) <= dimension < 2**31 - 1:
             raise ProblemError(
-                f"dimension: found {dimension!r}, expected a number of variables, "
+                f"dimension: found {shown(dimension)}, expected a number of variables, "
                 f"{max(least, 1)} or more"
             )
         labels = _checked_labels(names, int(dimension))
@@ -497,8 +503,7 @@ class Polynomial(ReadOnly):
         """
         values = np.atleast_1d(doubles(coefficients, "coefficients").copy()).ravel()
         exact_terms.require_doubles(coefficients, "coefficients")
-        table = exponents if sps.issparse(exponents) else np.atleast_2d(np.asarray(exponents))
-        matrix = sps.csr_array(table)
+        matrix = _exponent_table(exponents)
         if matrix.shape[0] != values.size:
             raise ProblemError(
                 f"coefficients: found {values.size}, expected {matrix.shape[0]}, one a row"
@@ -506,11 +511,10 @@ class Polynomial(ReadOnly):
         bad = ~monomials.are_exponents(matrix.data)
         if np.any(bad):
             raise ProblemError(
-                f"exponents: found {matrix.data[bad][0]}, expected non-negative integers "
+                f"exponents: found {matrix.data[bad][0]:g}, expected non-negative integers "
                 f"up to {monomials.LARGEST_POWER}"
             )
-        if names is not None:
-            _check_names(names, int(matrix.shape[1]))
+        names = _checked_labels(names, int(matrix.shape[1]))
         words = monomials.from_exponents(matrix)
         return Polynomial._merged(
             words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
@@ -735,12 +739,7 @@ class Polynomial(ReadOnly):
         >>> print((x**2 * y).derivative(0))
         2*x1*x2
         """
-        whole = isinstance(variable, numbers.Integral) and not isinstance(variable, bool)
-        if not whole or not 0 <= variable < self.dimension:
-            raise ProblemError(
-                f"variable: found {variable!r}, expected an integer from 0 to {self.dimension - 1}"
-            )
-        letter = int(variable) + 1
+        letter = check_whole(variable, "variable", 0, self.dimension - 1) + 1
         terms = self.exact
         words = self.words if terms is None else terms.words
         power = np.count_nonzero(words == letter, axis=1)
@@ -819,8 +818,14 @@ class Polynomial(ReadOnly):
         Returns
         -------
         str
+
+        Raises
+        ------
+        ProblemError
+            If there is no such variable.
         """
-        return self.names[variable] if self.names else f"x{variable + 1}"
+        place = check_whole(variable, "variable", 0, self.dimension - 1)
+        return self.names[place] if self.names else f"x{place + 1}"
 
 
 def _held_product(left: Grid, right: Grid) -> Grid | None:
@@ -835,7 +840,7 @@ def _checked_terms(
     """Words as int32 and coefficients as doubles, if they are monomials in that many variables."""
     whole = isinstance(dimension, numbers.Integral) and not isinstance(dimension, bool)
     if not whole or not 1 <= dimension < 2**31 - 1:
-        raise ProblemError(f"dimension: found {dimension!r}, expected a positive integer")
+        raise ProblemError(f"dimension: found {shown(dimension)}, expected a positive integer")
     letters, values = np.asarray(words), np.asarray(coefficients)
     if letters.ndim != 2 or letters.dtype.kind not in "iu":
         raise ProblemError(
@@ -860,6 +865,34 @@ def _checked_terms(
     return letters.astype(np.int32), values
 
 
+def _exponent_table(given: Any) -> sps.csr_array:
+    """Exponents as a sparse array with a row for each term."""
+    if sps.issparse(given):
+        return sps.csr_array(given)
+    table = np.atleast_2d(doubles(given, "exponents"))
+    if table.ndim > 2:
+        raise ProblemError(f"exponents: found shape {table.shape}, expected (terms, variables)")
+    return sps.csr_array(table)
+
+
+def polynomials_of(given: Any, field: str, n: int) -> list[Polynomial]:
+    """Return the entries of a list of polynomials in n variables.
+
+    Raises
+    ------
+    ProblemError
+        If it is none; the message names the place.
+    """
+    found = entries_of(given, field, "a list of Polynomials")
+    for number, polynomial in enumerate(found):
+        check_kind(polynomial, Polynomial, f"{field}[{number}]")
+        if polynomial.dimension != n:
+            raise ProblemError(
+                f"{field}[{number}]: found {polynomial.dimension} variables, expected {n}"
+            )
+    return found
+
+
 _MOST_VARIABLES = 10**6  # each takes 400 bytes
 _CHECKED: list[tuple[str, ...]] = [()]  # the names that were checked last
 
@@ -870,8 +903,8 @@ def _checked_labels(names: Sequence[str] | None, n: int) -> tuple[str, ...] | No
     if names is _CHECKED[0] and len(names) == n:  # many polynomials have the same names
         return _CHECKED[0]
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise ProblemError(f"names: found {names!r}, expected {n} of them")
-    labels = tuple(str(name) for name in names)
+        raise ProblemError(f"names: found {shown(names)}, expected {n} of them")
+    labels = tuple(str(name) for name in entries_of(names, "names", f"{n} of them"))
     _check_names(labels, n)
     if type(names) is tuple and all(type(name) is str for name in names):
         labels = _CHECKED[0] = names

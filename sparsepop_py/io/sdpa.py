@@ -22,7 +22,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import Cones, ConicProgram
-from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.errors import FormatError, ProblemError, check_kind
 from sparsepop_py.files import read_text, write_text
 
 __all__ = ["read_sdpa", "write_info", "write_sdpa"]
@@ -69,6 +69,7 @@ def write_sdpa(program: ConicProgram, path: str | Path, title: str = "") -> None
             f"write_sdpa: found {type(program).__name__}, expected a ConicProgram, "
             "such as assemble(relax(problem), problem.objective)"
         )
+    check_kind(title, str, "title")
     cones = program.cones
     first = 2 * cones.zero + cones.nonnegative
     sizes = ([-first] if first else []) + list(cones.psd)

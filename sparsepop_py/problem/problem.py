@@ -25,7 +25,7 @@ from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.errors import ProblemError, doubles, entries_of
+from sparsepop_py.errors import ProblemError, check_number, doubles, entries_of, shown
 from sparsepop_py.problem.rounding import (
     OBJECTIVE,
     Rounding,
@@ -113,7 +113,7 @@ class Problem(ReadOnly):
         for number, row in enumerate(rows):
             _check_constraint(number, row, n)
         if not isinstance(sense, str) or sense not in ("min", "max"):
-            raise ProblemError(f"sense: found {sense!r}, expected 'min' or 'max'")
+            raise ProblemError(f"sense: found {shown(sense)}, expected 'min' or 'max'")
         low, high = _bounds("lower", lower, n, -np.inf), _bounds("upper", upper, n, np.inf)
         wrong = np.flatnonzero((low > high) | (low == np.inf) | (high == -np.inf))
         if wrong.size:
@@ -447,7 +447,7 @@ def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
         return objective
     first = next((row for row in rows if isinstance(row, Constraint)), None)
     if first is not None and isinstance(objective, numbers.Real):
-        return total([first.polynomial * 0.0, float(objective)])
+        return total([first.polynomial * 0.0, check_number(objective, "objective")])
     raise ProblemError(
         f"objective: found {type(objective).__name__}, expected a Polynomial "
         "(see sparsepop_py.variables) or a sympy expression; for ratios use RationalProblem"

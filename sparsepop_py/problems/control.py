@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_number
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 
@@ -70,10 +70,11 @@ def bilinear_control(
     check_size(steps, 2, field="steps")
     check_size(controls, 1, field="controls")
     check_size(states, 1, field="states")
-    if not np.isfinite(rest):
-        raise ProblemError(f"rest: found {rest}, expected a finite number")
-    if not 0 <= mu < np.inf:
-        raise ProblemError(f"mu: found {mu}, expected a number >= 0")
+    numbers = steps * states * (states + controls)
+    check_size(numbers, 4, field="steps * states * (states + controls)")
+    mu, rest = check_number(mu, "mu", 0.0), check_number(rest, "rest")
+    if not np.isfinite([mu, rest]).all():
+        raise ProblemError(f"mu, rest: found {mu} and {rest}, expected finite numbers")
     j, k = np.arange(1, states + 1)[:, None], np.arange(1, controls + 1)
     drift = 0.5 * np.eye(states) + 0.25 * (np.eye(states, k=1) - np.eye(states, k=-1))
     gain, coupling = (j - k) / (controls + states), mu * (j + k) / (controls + states)

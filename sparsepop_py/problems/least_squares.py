@@ -6,6 +6,7 @@ are exact in double precision: a stated optimum is that of the very doubles in t
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_whole, shown
 from sparsepop_py.problem.problem import Problem
 
-__all__ = ["Squares", "Term", "check_size", "least_squares"]
+__all__ = ["MOST", "Squares", "Term", "check_size", "least_squares"]
+
+MOST = 10**6  # variables, each with some terms
 
 Term = tuple[float, Sequence[int | NDArray[Any]]]
 
@@ -100,8 +103,9 @@ def least_squares(
 
 
 def check_size(n: int, least: int, multiple: int = 1, field: str = "n") -> None:
-    """Raise a ProblemError unless n is a multiple of a number and large enough."""
-    whole = isinstance(n, (int, np.integer)) and not isinstance(n, bool)
-    if not whole or n < least or n % multiple:
-        kind = "an integer" if multiple == 1 else f"a multiple of {multiple}"
-        raise ProblemError(f"{field}: found {n!r}, expected {kind}, at least {least}")
+    """Refuse sizes that are no multiple of a number, too small, or too large to be held."""
+    if multiple > 1 and (not isinstance(n, numbers.Integral) or int(n) < least or n % multiple):
+        raise ProblemError(
+            f"{field}: found {shown(n)}, expected a multiple of {multiple}, at least {least}"
+        )
+    check_whole(n, field, least, MOST)

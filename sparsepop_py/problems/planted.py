@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_number, check_whole
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
+from sparsepop_py.problems.least_squares import MOST, Squares, check_size, least_squares
 
 __all__ = ["planted_point", "random_quartic"]
 
@@ -46,7 +48,7 @@ def random_quartic(
     Raises
     ------
     ProblemError
-        If ``n``, ``clique`` or ``density`` is out of range.
+        If a number is out of range.
 
     Examples
     --------
@@ -55,11 +57,15 @@ def random_quartic(
     1.0
     """
     check_size(n, 1)
-    width = n if clique is None else clique
-    if not 1 <= width <= n:
-        raise ProblemError(f"clique: found {clique}, expected 1 <= clique <= {n}")
-    if not 0 < density <= 1:
+    width = n if clique is None else check_whole(clique, "clique", 1, n)
+    terms = (n - width + 1) * comb(width + 2, 2)
+    if terms > MOST:
+        raise ProblemError(f"clique: found {width}, with {terms} terms, expected at most {MOST}")
+    if not 0 < check_number(density, "density") <= 1:
         raise ProblemError(f"density: found {density}, expected 0 < density <= 1")
+    seed = check_whole(seed, "seed", 0)
+    if not np.isfinite(check_number(optimum, "optimum")):
+        raise ProblemError(f"optimum: found {optimum}, expected a finite number")
     rng = np.random.default_rng([seed, 1])
     basis = monomials.full_basis(width, 2)
     windows = np.arange(n - width + 1)
@@ -87,9 +93,15 @@ def planted_point(n: int, seed: int = 0) -> NDArray[np.float64]:
     (n,) float
         For the same ``n`` and ``seed``.
 
+    Raises
+    ------
+    ProblemError
+        If a number is out of range.
+
     Examples
     --------
     >>> bool(np.all(np.abs(planted_point(5)) <= 0.75))
     True
     """
-    return np.random.default_rng([seed, 0]).integers(-3, 4, n) / 4
+    check_size(n, 1)
+    return np.random.default_rng([check_whole(seed, "seed", 0), 0]).integers(-3, 4, n) / 4

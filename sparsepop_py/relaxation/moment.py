@@ -40,11 +40,11 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial import Polynomial, polynomials_of
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import check
-from sparsepop_py.errors import ProblemError, check_kind, shown
+from sparsepop_py.errors import ProblemError, check_kind, check_switch, shown
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
@@ -194,6 +194,7 @@ class Relaxation(ReadOnly):
         ProblemError
             If the objective has a monomial that the relaxation does not hold.
         """
+        check_kind(objective, Polynomial, "objective")
         number = self.moment_numbers(objective.words)
         if np.any(number < 0):
             bad = Polynomial.from_words(
@@ -305,8 +306,16 @@ def relax(
     whole = isinstance(order, numbers.Integral) and not isinstance(order, bool)
     if order is not None and (not whole or not 1 <= order < 2**31):
         raise ProblemError(f"order: found {shown(order)}, expected a positive integer below 2^31")
-    objectives = [f for f in objectives if f is not problem.objective]
-    cliques = cliques or find_cliques(problem, objectives=objectives)
+    for name, given in (
+        *(("reduce", reduce), ("lean", lean), ("products", products), ("partial", partial)),
+    ):
+        check_switch(given, name)
+    for name, word in (("shape", shape), ("terms", terms)):
+        check_kind(word, str, name)
+    others = polynomials_of(objectives, "objectives", problem.dimension)
+    objectives = [f for f in others if f is not problem.objective]
+    cliques = find_cliques(problem, objectives=objectives) if cliques is None else cliques
+    check_kind(cliques, Cliques, "cliques")
     least = objective_order(problem, objectives) if partial else least_order(problem, objectives)
     notes: tuple[str, ...] = ()
     if order is not None and order < least:

@@ -16,7 +16,13 @@ import numpy as np
 
 from sparsepop_py.budget import TOO_LONG, TOO_MUCH, iterations_left, outlasts, pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
-from sparsepop_py.errors import SolverNotFound, SparsePOPError, check_kind
+from sparsepop_py.errors import (
+    SolverNotFound,
+    SparsePOPError,
+    check_kind,
+    check_number,
+    check_whole,
+)
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 
@@ -219,6 +225,15 @@ def solve_conic(
     -0.500000
     """
     check_kind(program, ConicProgram, "program")
+    check_kind(solver, str, "solver")
+    accuracy = check_number(accuracy, "accuracy", 0.0)
+    if time_limit is not None:
+        time_limit = check_number(time_limit, "time_limit", 0.0)
+    if target is not None:
+        target = check_number(target, "target")
+    if max_iterations is not None:
+        max_iterations = check_whole(max_iterations, "max_iterations", 1)
+    solves = check_whole(solves, "solves", 1, 2**63 - 1)
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     start, each = time.perf_counter(), _iteration_work(program)

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse as sps
@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial import Polynomial, polynomials_of
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.errors import ProblemError, check_kind
+from sparsepop_py.errors import ProblemError, check_choice, check_kind, check_switch
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity.chordal import (
     Members,
@@ -171,10 +171,8 @@ def csp_graph(
     [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
     """
     n = problem.dimension
-    for polynomial in objectives:
-        if polynomial.dimension != n:
-            raise ProblemError(f"objectives: found {polynomial.dimension} variables, expected {n}")
-    others = [p for p in objectives if p is not problem.objective]
+    given = polynomials_of(objectives, "objectives", n)
+    others = [p for p in given if p is not problem.objective]
     terms = _terms([p.words for p in (problem.objective, *others)], n)
     return join(sps.csr_array(sps.vstack([_joined(problem, terms, joined), terms])))
 
@@ -232,6 +230,9 @@ def find_cliques(
       x4
     """
     check_kind(problem, Problem, "problem")
+    check_switch(sparse, "sparse")
+    check_choice(method, "method", get_args(Method))
+    check_choice(joined, "joined", get_args(Joined))
     n = problem.dimension
     if sparse:
         found = csp_graph(problem, objectives, joined)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from sparsepop_py import plots
 from sparsepop_py.budget import cpu_seconds
-from sparsepop_py.errors import ProblemError, check_kind, entries_of
+from sparsepop_py.errors import ProblemError, check_choice, check_kind, entries_of
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
@@ -276,6 +276,8 @@ def compare_orders(
     base = Options() if options is None else options
     check_kind(base, Options, "options")
     orders = entries_of(orders, "orders", "a list of orders")
+    efforts = entries_of(efforts, "efforts", "a list of " + " or ".join(_EFFORTS))
+    cliques = entries_of(cliques, "cliques", "a list of 'sparse' or 'dense'")
     _check("orders", orders, None)
     _check("efforts", efforts, _EFFORTS)
     _check("cliques", cliques, ("sparse", "dense"))
@@ -295,11 +297,11 @@ def compare_orders(
 
 
 def _check(name: str, given: Sequence[Any], known: tuple[str, ...] | None) -> None:
-    if isinstance(given, str) or not given:
+    if not given:
         raise ProblemError(f"{name}: found {given!r}, expected a list with at least one entry")
     for item in given:
-        if known is not None and item not in known:
-            raise ProblemError(f"{name}: found {item!r}, expected {' or '.join(map(repr, known))}")
+        if known is not None:
+            check_choice(item, name, known)
 
 
 def _options(base: Options, order: int, effort: str, cliques: str) -> Options:

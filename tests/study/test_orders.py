@@ -76,7 +76,7 @@ def test_no_order_is_tried_below_where_the_objective_falls_without_limit() -> No
         ({"orders": []}, "orders: found"),
         ({"orders": [0]}, "Options.order: found 0"),
         ({"efforts": ["auto"]}, "efforts: found 'auto', expected 'plain' or 'presolve'"),
-        ({"cliques": "dense"}, "cliques: found 'dense', expected a list"),
+        ({"cliques": "dense"}, "cliques: found str, expected a list"),
     ],
 )
 def test_wrong_arguments(given: dict[str, object], message: str) -> None:

@@ -42,7 +42,14 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import LimitReached, before_check
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import (
+    ProblemError,
+    check_choice,
+    check_number,
+    check_switch,
+    check_whole,
+    entries_of,
+)
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
@@ -126,21 +133,20 @@ class Switches:
     perturbation: float = 0.0
 
     def __post_init__(self) -> None:
-        if any(kind not in KINDS for kind in self.substituted):
-            raise ProblemError(
-                f"Switches.substituted: found {self.substituted!r}, expected some of "
-                + ", ".join(KINDS)
-            )
+        expected = "some of " + ", ".join(KINDS)
+        substituted = tuple(entries_of(self.substituted, "Switches.substituted", expected))
+        for kind in substituted:
+            check_choice(kind, "Switches.substituted", KINDS)
+        object.__setattr__(self, "substituted", substituted)
         for name in ("moment_bounds", "consistent"):
-            if getattr(self, name) not in (0, 1, 2):
-                raise ProblemError(
-                    f"Switches.{name}: found {getattr(self, name)!r}, expected 0, 1 or 2"
-                )
+            check_whole(getattr(self, name), f"Switches.{name}", 0, 2)
         for name in ("merge", "perturbation"):
-            if not getattr(self, name) >= 0:
-                raise ProblemError(
-                    f"Switches.{name}: found {getattr(self, name)!r}, expected a number >= 0"
-                )
+            check_number(getattr(self, name), f"Switches.{name}", 0.0)
+        for name in ("scaled", "aggressive", "independent", "narrow"):
+            check_switch(getattr(self, name), f"Switches.{name}")
+        order = 1.0 if self.order is None else check_number(self.order, "Switches.order", 0.0)
+        if order >= 2**31:
+            raise ProblemError(f"Switches.order: found {order:g}, expected a number below 2^31")
 
     def perturbed(self, objective: Polynomial, relaxation: Relaxation) -> Polynomial:
         """Add the random linear part to an objective; it is the same in every run.

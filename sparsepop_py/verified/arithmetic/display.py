@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from numbers import Integral, Real
+from numbers import Real
 
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_switch, check_whole
 
 __all__ = ["rounded"]
 
@@ -45,8 +45,9 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Fa
     """
     if not isinstance(value, Real) or not _is_double(value):
         raise ProblemError(f"value: found {value!r:.60}, expected a number that is a double")
-    if not isinstance(digits, Integral) or not 1 <= digits <= 15:
-        raise ProblemError(f"digits: found {digits!r:.60}, expected an integer from 1 to 15")
+    digits = check_whole(digits, "digits", 1, 15)
+    check_switch(upwards, "upwards")
+    check_switch(scientific, "scientific")
     value = float(value)
     form = f"+.{digits - 1}e" if scientific else f".{digits}g"
     if not math.isfinite(value):

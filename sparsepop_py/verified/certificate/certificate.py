@@ -27,7 +27,7 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -347,8 +347,15 @@ class Certificate:
             Cost of rounding.
         reason : str
             Sentence on why the bound is weak; may be empty.
+
+        Raises
+        ------
+        ProblemError
+            If ``problem`` is no Problem, or ``known`` no dict.
         """
+        check_kind(problem, Problem, "problem")
         known = {} if known is None else known
+        check_kind(known, dict, "known")
         key = ("certificate", problem.fingerprint, id(self))
         if key not in known:
             known[key] = (self, (-np.inf, np.inf, "it quotes itself"))  # till it is known

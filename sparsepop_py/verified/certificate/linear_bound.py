@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -98,7 +98,7 @@ class LinearBound(ReadOnly):
         Raises
         ------
         ProblemError
-            If the objective or a constraint is not linear.
+            If the problem is none, or the objective or a constraint is not linear.
         """
         check_linear(problem, [objective])
         rows = Polyhedron.of(problem)
@@ -168,6 +168,7 @@ class LinearBound(ReadOnly):
 
 def check_linear(problem: Problem, objectives: Sequence[Polynomial]) -> None:
     """Refuse constraints and objectives that are not linear."""
+    check_kind(problem, Problem, "problem")
     for number, row in enumerate(problem.constraints):
         if row.polynomial.degree > 1 or row.kind not in (Kind.NONNEGATIVE, Kind.ZERO):
             raise ProblemError(f"constraints[{number}]: found {row}, expected a linear one")

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.errors import ProblemError, entries_of
+from sparsepop_py.errors import ProblemError, check_kind, entries_of
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.verified.arithmetic.display import rounded
@@ -94,7 +94,14 @@ class RangeProof:
         -------
         Range or None
             None where the sign does not follow. With ``least`` = inf the set is empty.
+
+        Raises
+        ------
+        ProblemError
+            If an argument is of another kind.
         """
+        check_kind(base, Problem, "base")
+        check_kind(denominator, Polynomial, "denominator")
         least = self._bound(self.below, base, denominator * float(self.sign), known)
         if not least > 0:
             return None
@@ -230,7 +237,13 @@ class RationalCertificate:
         -------
         list of Range, or str
             A sentence where some range does not follow.
+
+        Raises
+        ------
+        ProblemError
+            If an argument is of another kind.
         """
+        check_kind(problem, RationalProblem, "problem")
         if len(self.ranges) != len(problem.denominators):
             return "there are not as many ranges as denominators"
         found = []

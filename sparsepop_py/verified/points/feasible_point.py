@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.errors import ProblemError
+from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
@@ -105,7 +105,13 @@ class ProvedPoint(ReadOnly):
         -------
         ProvedPoint or None
             None if the proof fails or makes no sense for this problem.
+
+        Raises
+        ------
+        ProblemError
+            If it is no Problem.
         """
+        check_kind(problem, Problem, "problem")
         n, m = problem.dimension, len(problem.constraints)
         sensible = (
             self.x.shape == (n,)
