@@ -265,8 +265,8 @@ def frequency_band(
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
     arcs = None
     check_executor(executor)
+    seconds = seconds_of(time_limit)
     if word(kind, "kind", ("proved", "sampled"), SetidError) == "proved":
-        seconds = seconds_of(time_limit)
         until = time.monotonic() + seconds
         late = until + max(seconds, FIRST_SECONDS)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)

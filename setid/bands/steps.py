@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from setid.bands.enclosing import Accuracy, affine_rows, band_of
 from setid.bands.model_outputs import pole_radius
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import frozen, natural, switch, word
+from setid.data.checks import channel_pair, frozen, natural, switch, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import Coordinates
@@ -191,15 +191,10 @@ def step_band(
     count = natural(length, "length", SetidError, least=1)
     if count > _MOST:
         raise SetidError(f"length: found {count}, expected at most {_MOST}")
-    channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
+    channel_pair(output, input, model.outputs, model.inputs)
     accuracy = Accuracy(tolerance, time_limit)
     draws_of(samples, seed)
     later_on = switch(all_time, "all_time", SetidError)
-    if channels[0] > model.outputs or channels[1] > model.inputs:
-        raise ModelError(
-            f"output, input: found {output}, {input}, expected at most "
-            f"{model.outputs}, {model.inputs}, counted from 1"
-        )
     column, theta = output - 1, _plant(model, nominal(result))
     u = np.zeros((count, model.inputs))
     u[:, input - 1] = 1.0

@@ -304,11 +304,13 @@ class Design(ReadOnly):
     def closed_loop(self, plant: Any, controller: Transfer | None = None) -> Transfer:
         """Compute K P / (1 + K P) with a known plant, for simulations."""
         known = as_transfer(plant, self.data.Ts, "plant")
-        return closed_loop(controller or self.centre, known)
+        own = controller if controller is not None else self.centre
+        return closed_loop(as_transfer(own, self.data.Ts, "controller"), known)
 
     def matching(self, plant: Any, controller: Transfer | None = None) -> Matching:
         """Compare the closed loop with the reference model; see :func:`check_matching`."""
-        return check_matching(plant, controller or self.centre, self.reference)
+        own = controller if controller is not None else self.centre
+        return check_matching(plant, own, self.reference)
 
     def simulate(self, plant: Any, r: ArrayLike) -> Reals:
         """Simulate the output (N,) of the closed loop with the central controller, from rest."""

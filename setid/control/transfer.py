@@ -378,7 +378,10 @@ def simulate_exactly(system: Transfer, u: Sequence[float]) -> NDArray[np.float64
 def _exact(given: Iterable[float | Fraction], field: str) -> Exact:
     found = []
     listed = entries_of(given, field, "coefficients", ModelError)
-    for place, value in enumerate(np.ravel(np.array(listed, dtype=object))):
+    table = np.array(listed, dtype=object)
+    if table.size == 0 or table.size != max(table.shape):
+        raise ModelError(f"{field}: found shape {table.shape}, expected a list of coefficients")
+    for place, value in enumerate(table.ravel()):
         if isinstance(value, (Fraction, int)) and not isinstance(value, bool):
             found.append(Fraction(value))
             continue

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import numbers
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite, nan
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.errors import DataError, SetidError
+from setid.errors import DataError, ModelError, SetidError
 from sparsepop_py.algebra.exact_terms import require_doubles
 from sparsepop_py.budget import LimitReached
-from sparsepop_py.errors import CONVERTED
+from sparsepop_py.errors import CONVERTED, shown
+from sparsepop_py.files import can_name_a_file
 
 __all__ = [
     "MOST_TERMS",
     "FrozenMapping",
     "asked",
+    "channel_pair",
     "channels_of",
     "entries_of",
     "frozen",
@@ -26,11 +30,14 @@ __all__ = [
     "natural",
     "number",
     "parameters_of",
+    "path_of",
     "range_of",
     "real_array",
     "seconds_of",
+    "seed_of",
     "starts_of",
     "switch",
+    "texts_of",
     "without_mask",
     "word",
 ]
@@ -119,7 +126,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         values = np.array(array, float)
     except (TypeError, ValueError, OverflowError):
         raise error(
-            f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
+            f"{field}: found {type(given).__name__} {shown(given)}, expected real numbers"
         ) from None
     require_doubles(given, field, error)
     if np.any(np.isinf(values)):
@@ -131,7 +138,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
 def switch(given: Any, field: str, error: type[SetidError]) -> bool:
     """Check True or False; words such as "no" raise."""
     if not isinstance(given, (bool, np.bool_)):
-        raise error(f"{field}: found {given!r:.60}, expected True or False")
+        raise error(f"{field}: found {shown(given)}, expected True or False")
     return bool(given)
 
 
@@ -140,7 +147,7 @@ def word(given: Any, field: str, words: Iterable[str], error: type[SetidError]) 
     known = list(words)
     if not isinstance(given, str) or given not in known:
         listed = " or ".join(map(repr, known)) if len(known) < 3 else f"one of {', '.join(known)}"
-        raise error(f"{field}: found {given!r:.60}, expected {listed}")
+        raise error(f"{field}: found {shown(given)}, expected {listed}")
     return given
 
 
@@ -152,13 +159,46 @@ def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> li
         raise error(f"{field}: found {type(given).__name__}, expected {what}") from None
 
 
+def texts_of(given: Any, field: str, error: type[SetidError]) -> list[str]:
+    """List texts; a text alone, whose letters would be taken for texts, raises."""
+    if isinstance(given, (str, bytes)):
+        raise error(f"{field}: found {shown(given)}, expected a list of texts")
+    return [str(text) for text in entries_of(given, field, "a list of texts", error)]
+
+
+def path_of(path: Any) -> Path:
+    """Check the name of a file to be read."""
+    named = isinstance(path, (str, os.PathLike)) and isinstance(os.fspath(path), str)
+    if not named or not can_name_a_file(os.fspath(path)):
+        raise DataError(f"path: found {shown(path)}, expected the name of a file")
+    return Path(path)
+
+
+def channel_pair(output: Any, input: Any, outputs: int, inputs: int) -> tuple[int, int]:
+    """Check the numbers of an output and of an input, from 1."""
+    pair = natural(output, "output", ModelError, 1), natural(input, "input", ModelError, 1)
+    if pair[0] > outputs or pair[1] > inputs:
+        raise ModelError(
+            f"output, input: found {output}, {input}, expected at most {outputs}, {inputs}, "
+            "counted from 1"
+        )
+    return pair
+
+
+def seed_of(given: Any) -> int | np.random.Generator:
+    """Check a seed: an integer, at least 0, or a generator of numpy."""
+    if isinstance(given, np.random.Generator):
+        return given
+    return natural(given, "seed", SetidError)
+
+
 def natural(
     given: Any, field: str, error: type[SetidError], least: int = 0, most: int | None = None
 ) -> int:
     """Check an integer from ``least`` to ``most``; booleans and fractions raise."""
     whole = isinstance(given, numbers.Integral) and not isinstance(given, (bool, np.bool_))
     if not whole or int(given) < least:
-        raise error(f"{field}: found {given!r}, expected an integer >= {least}")
+        raise error(f"{field}: found {shown(given)}, expected an integer >= {least}")
     if most is not None and int(given) > most:
         raise error(f"{field}: found a number above {most}, expected at most that")
     return int(given)
@@ -172,7 +212,7 @@ def number(given: Any, field: str, error: type[SetidError]) -> float:
     except OverflowError:
         raise error(f"{field}: found a number beyond all doubles, expected a smaller one") from None
     if np.isnan(value):
-        raise error(f"{field}: found {given!r}, expected a number")
+        raise error(f"{field}: found {shown(given)}, expected a number")
     if isinstance(given, (numbers.Integral, np.longdouble)):  # fractions mean the double nearby
         require_doubles(given, field, error)
     return value
@@ -248,13 +288,21 @@ def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:
     return frozen(values)
 
 
+def _array_of(given: Any, field: str) -> NDArray[Any]:
+    """Copy as an array; lists of unequal lengths raise."""
+    try:
+        return np.array(given)
+    except (TypeError, ValueError):
+        raise DataError(f"{field}: found {shown(given)}, expected a list of numbers") from None
+
+
 def starts_of(given: Sequence[int] | NDArray[np.int64] | None, samples: int) -> NDArray[np.int64]:
     """Check the row numbers at which records begin."""
-    values = np.zeros(1, np.int64) if given is None else np.array(given)
+    values = np.zeros(1, np.int64) if given is None else _array_of(given, "starts")
     whole = values.ndim == 1 and values.size > 0 and np.issubdtype(values.dtype, np.integer)
     if not whole or values[0] != 0 or np.any(np.diff(values) <= 0) or values[-1] >= samples:
         raise DataError(
-            f"starts: found {values.tolist()!r:.60}, expected 0 and then increasing row numbers "
+            f"starts: found {shown(values.tolist())}, expected 0 and then increasing row numbers "
             f"below {samples}"
         )
     return frozen(values.astype(np.int64))

@@ -13,10 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import entries_of, frozen, number, real_array, switch, word
+from setid.data.checks import (
+    entries_of,
+    frozen,
+    number,
+    real_array,
+    switch,
+    texts_of,
+    word,
+)
 from setid.data.digits import all_digits
 from setid.data.record import IOData
-from setid.errors import NoiseError
+from setid.errors import DataError, NoiseError
 from sparsepop_py.algebra.read_only import ReadOnly
 
 __all__ = [
@@ -243,7 +251,8 @@ class Noise(ReadOnly):
         ('output noise: half of what was seen',)
         """
         found = copy(self)
-        texts = tuple(dict.fromkeys([*texts, *self.assumptions]))
+        given = texts_of(texts, "texts", NoiseError)
+        texts = tuple(dict.fromkeys([*given, *self.assumptions]))
         object.__setattr__(found, "assumptions", texts)
         return found
 
@@ -285,6 +294,8 @@ class Noise(ReadOnly):
         >>> [bound.ravel().tolist() for bound in setid.Noise(output=0.5).bounds(data)]
         [[0.5, 0.5], [0.0, 0.0], [0.0, 0.0]]
         """
+        if not isinstance(data, IOData):
+            raise DataError(f"data: found {type(data).__name__}, expected IOData")
         output = _spread(self.output, "output", data.samples, data.outputs)
         input = _spread(self.input, "input", data.samples, data.inputs)
         with np.errstate(over="ignore"):
@@ -468,7 +479,8 @@ def bound_at_rest(
         raise NoiseError(f"{field}: found inputs that are not zero, expected rest")
     low, high = np.nanmin(record.y, axis=0), np.nanmax(record.y, axis=0)
     read = int(np.min(np.count_nonzero(~np.isnan(record.y), axis=0)))
-    centre = low / 2 + high / 2 if offset else np.zeros_like(low)  # a sum might overflow
+    moved = switch(offset, "offset", NoiseError)
+    centre = low / 2 + high / 2 if moved else np.zeros_like(low)  # a sum might overflow
     with np.errstate(over="ignore"):
         value = margin * np.maximum(high - centre, centre - low)
     if not np.all(np.isfinite(value)):

@@ -6,16 +6,16 @@ import os
 import zlib
 from collections.abc import Sequence
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import real_array
+from setid.data.checks import path_of, real_array
 from setid.data.tables import Column, check_distinct
 from setid.errors import DataError
 from sparsepop_py.compat.mat_structure import check_structure
+from sparsepop_py.errors import shown
 
 _DAMAGED: tuple[type[Exception], ...] = (ArithmeticError, LookupError, MemoryError)
 _DAMAGED += (NotImplementedError, TypeError, ValueError, zlib.error)  # FormatError is a ValueError
@@ -38,7 +38,7 @@ def read_mat_columns(
     """
     import scipy.io  # loaded by those who read such files
 
-    named = Path(path)
+    named = path_of(path)
     short = named.with_name(named.name + ".mat")  # as in MATLAB, the suffix may be left out
     try:
         data = (named if named.exists() or not short.exists() else short).read_bytes()
@@ -54,6 +54,9 @@ def read_mat_columns(
         raise DataError(
             f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
         )
+    for name in names:
+        if not isinstance(name, str):
+            raise DataError(f"u, y: found {shown(name)}, expected names of variables")
     check_distinct(path, names, list(names))
     arrays = []
     for name in names:

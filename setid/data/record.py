@@ -19,6 +19,7 @@ from setid.data.checks import (
     number,
     range_of,
     starts_of,
+    texts_of,
     word,
 )
 from setid.data.frames import check_indices, frame_column, series_names
@@ -131,7 +132,7 @@ class IOData(ReadOnly):
             "y": outputs,
             "Ts": step,
             "starts": starts_of(starts, inputs.shape[0]),
-            "assumptions": tuple(str(text) for text in assumptions),
+            "assumptions": tuple(texts_of(assumptions, "assumptions", DataError)),
             "u_range": range_of(u_range, "u_range", inputs.shape[1]),
             "y_range": range_of(y_range, "y_range", outputs.shape[1]),
             "input_names": names_of(input_names, inputs.shape[1], "input_names", "u"),

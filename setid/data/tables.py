@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import word
+from setid.data.checks import path_of, word
 from setid.errors import DataError
-from sparsepop_py.files import can_name_a_file
 
 __all__ = ["column_names", "Column", "Table", "check_distinct", "read_table"]
 
@@ -168,11 +167,9 @@ def _lines(path: PathLike, decimal: str) -> list[tuple[int, str]]:
 
     Tabs that separate fields stay, since a missing first or last field is empty.
     """
-    named = isinstance(path, (str, os.PathLike)) and isinstance(os.fspath(path), str)
-    if not named or not can_name_a_file(os.fspath(path)):
-        raise DataError(f"path: found {path!r:.60}, expected the name of a file")
+    named = path_of(path)
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = named.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}, expected a table of numbers") from None
     except UnicodeDecodeError as error:

@@ -35,7 +35,7 @@ class NamedVector:
 
     def __getitem__(self, name: str) -> float:
         """Return a parameter by name."""
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             raise SetidError(f"name: found {name!r}, expected one of {', '.join(self.names)}")
         return float(self.theta[self.names.index(name)])
 
@@ -179,6 +179,8 @@ def recursive_least_squares(
     p = len(rows.names)
     theta = np.zeros(p) if initial is None else real_array(initial, "initial", SetidError)
     spread = real_array(covariance, "covariance", SetidError)
+    if np.isnan(theta).any() or np.isnan(spread).any():
+        raise SetidError("initial, covariance: found NaN, expected numbers")
     spread = spread * np.eye(p) if spread.ndim == 0 else spread
     if theta.shape != (p,) or spread.shape != (p, p):
         raise SetidError(

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import asked, frozen
+from setid.data.checks import asked, frozen, natural
 from setid.data.noise import Noise, NoiseBounds, NoiseConstraint
 from setid.data.record import IOData
-from setid.errors import ModelError, NoiseError, PriorError
+from setid.errors import ModelError, NoiseError, PriorError, SetidError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
 from setid.formulation.lifting import DRIVEN, LIFTED, Lifting, Sum, definitions, lift
@@ -90,6 +90,7 @@ class Rows(ReadOnly):
         record : int
             From 1.
         """
+        k, record = natural(k, "k", SetidError, 1), natural(record, "record", SetidError, 1)
         return np.flatnonzero((self.sample == k) & (self.record == record)).tolist()
 
     def of_prior(self, place: int) -> list[int]:
@@ -100,6 +101,7 @@ class Rows(ReadOnly):
         place : int
             From 0.
         """
+        place = natural(place, "place", SetidError)
         prior = np.array([origin == "prior" for origin in self.origin], bool)
         return np.flatnonzero(prior & (self.item == place)).tolist()
 

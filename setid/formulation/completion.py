@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import lsqr
 
 import sparsepop_py as sp
+from setid.data.checks import real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
@@ -75,6 +76,9 @@ class Stated(Protocol):
         """Names of the parameters."""
 
 
+_ARGUMENTS = {"eta": "output", "xi": "input", "e": "equation"}  # of Formulation.point
+
+
 def complete_point(
     formulation: Stated,
     theta: NDArray[np.float64],
@@ -86,7 +90,7 @@ def complete_point(
     x = np.full(layout.dimension, np.nan)
     x[layout.group("theta")] = theta
     for group, given in noise.items():
-        _place(x, layout.group(group), 0.0 if given is None else given, group)
+        _place(x, layout.group(group), 0.0 if given is None else given, _ARGUMENTS[group])
     for group, given in signals.items():
         _place(x, layout.group(group), given, group)
     place_slack(x, formulation, theta)
@@ -100,7 +104,7 @@ def complete_point(
 def _place(
     x: NDArray[np.float64], numbers: NDArray[np.int64], given: ArrayLike, field: str
 ) -> None:
-    values = np.asarray(given, float)
+    values = real_array(given, field, SetidError)
     if values.ndim == 1 and numbers.ndim == 2 and numbers.shape[1] == 1:
         values = values[:, None]
     if values.ndim and values.shape != numbers.shape:

@@ -213,7 +213,11 @@ class Formulation:
             ``problem.violation`` of it says whether it is feasible.
         """
         noise = {"eta": output, "xi": input, "e": equation}
-        return complete_point(self, self.parameter_vector(theta), noise, signals or {})
+        signals = {} if signals is None else signals
+        if not isinstance(signals, Mapping):
+            found = type(signals).__name__
+            raise SetidError(f"signals: found {found}, expected a mapping of names to arrays")
+        return complete_point(self, self.parameter_vector(theta), noise, signals)
 
     def witness(self, theta: ArrayLike | Mapping[str, float]) -> Any:
         """Call :func:`setid.least_noise`, of which this is the deprecated name.

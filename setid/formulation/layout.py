@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import FrozenMapping, frozen
+from setid.data.checks import FrozenMapping, frozen, natural
 from setid.data.record import IOData
 from setid.errors import SetidError
 from sparsepop_py.algebra.read_only import ReadOnly
@@ -74,7 +74,7 @@ class Layout(ReadOnly):
         SetidError
             If there is none; exact samples have no variable.
         """
-        if name not in self._places:
+        if not isinstance(name, str) or name not in self._places:
             raise SetidError(
                 f"name: found {name!r}, expected one of {', '.join(self.names[:8])}, ... "
                 "(exact and missing samples have no noise variable)"
@@ -89,7 +89,7 @@ class Layout(ReadOnly):
         name : str
             One of the keys of ``groups``.
         """
-        if name not in self.groups:
+        if not isinstance(name, str) or name not in self.groups:
             raise SetidError(f"group: found {name!r}, expected one of {', '.join(self.groups)}")
         return self.groups[name]
 
@@ -110,7 +110,8 @@ class Layout(ReadOnly):
         number : int
             From 0.
         """
-        word = np.array([[number + 1]], np.int32)
+        place = natural(number, "number", SetidError, most=self.dimension - 1)
+        word = np.array([[place + 1]], np.int32)
         return sp.Polynomial(frozen(word), frozen(np.ones(1)), self.dimension, self.names)
 
     def lift(self, polynomial: sp.Polynomial, numbers: NDArray[np.int64]) -> sp.Polynomial:

@@ -12,8 +12,8 @@ from typing import cast
 
 from numpy.typing import ArrayLike
 
-from setid.data.checks import parameters_of
-from setid.errors import ModelError
+from setid.data.checks import number, parameters_of
+from setid.errors import ModelError, SetidError
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.proofs.uniqueness.normalisation import convert_ends, scaled_signals
@@ -146,6 +146,8 @@ def equivalent(
     """
     _check(model)
     vectors = [parameters_of(vector, model.parameters) for vector in (theta, other)]
+    if number(tolerance, "tolerance", SetidError) < 0.0:
+        raise SetidError(f"tolerance: found {tolerance!r}, expected a number >= 0")
     for choice in _choices(model):
         try:
             one, two = (convert(model, vector, choice) for vector in vectors)

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import MOST_TERMS, natural, number, parameters_of, switch, word
+from setid.data.checks import MOST_TERMS, channel_pair, natural, number, parameters_of, switch, word
 from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
@@ -181,7 +181,7 @@ class ContinuousTransferFunction(InNotebook):
                 f"delta: found {delta!r}, expected 0 with method='indirect': the discrete model "
                 "has no discretisation error"
             )
-        if offset and initial == "zero":
+        if switch(offset, "offset", ModelError) and initial == "zero":
             raise ModelError(
                 "offset: found True with initial='zero', expected one of them: with an offset the "
                 "output does not rest at zero"
@@ -226,7 +226,8 @@ class ContinuousTransferFunction(InNotebook):
         output, input : int
             Channels, from 1.
         """
-        if self.method == "indirect" or (output, input) != (1, 1):
+        channel_pair(output, input, 1, 1)
+        if self.method == "indirect":
             return self.counterpart.transfer(output, input)
         names = self.parameters
         top = names[self.n : self.n + self.m + 1]
@@ -280,6 +281,8 @@ class ContinuousTransferFunction(InNotebook):
         >>> model.operator(1).tolist(), model.operator(0).tolist()
         ([1.0, 0.0, -1.0], [1.0, 2.0, 1.0])
         """
+        power = natural(power, "power", ModelError, most=self.n)
+        word(signal, "signal", ("y", "u"), ModelError)
         step = self._interval()
         first = step / 2 if self.tau is None else _first_weight(step, self.tau)
         integrals = [np.array([first, step - first])] * (self.n - power)

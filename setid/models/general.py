@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import MOST_TERMS, entries_of, natural, number, word
+from setid.data.checks import MOST_TERMS, channel_pair, entries_of, natural, number, word
 from setid.data.digits import all_digits
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Structure, Transfer, channel_of
@@ -358,12 +358,8 @@ class BlockStructured(InNotebook):
         output, input : int
             Channels, from 1.
         """
+        output, input = channel_pair(output, input, self.outputs, self.inputs)
         target, source = f"y{output}", f"u{input}"
-        if not (1 <= output <= self.outputs and 1 <= input <= self.inputs):
-            raise ModelError(
-                f"output, input: found {output}, {input}, expected at most "
-                f"{self.outputs}, {self.inputs}, counted from 1"
-            )
         return self.wiring.transfer(self._block_from(source, target))
 
     def _block_from(self, source: str, target: str) -> Block:
@@ -394,6 +390,7 @@ class BlockStructured(InNotebook):
             If it acts between other channels, or subtracts the input, or is not all that is linear
             between them: in ``y1 = G(u1 - y1)`` the response of y1 is that of the loop.
         """
+        output, input = channel_pair(output, input, self.outputs, self.inputs)
         target, source = f"y{output}", f"u{input}"
         block = self._block_from(source, target)
         signs = dict(block.source)

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data.checks import MOST_TERMS, natural, switch, word
+from setid.data.checks import MOST_TERMS, channel_pair, natural, switch, word
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
 from setid.models.html import InNotebook
@@ -164,13 +164,7 @@ class TransferFunction(InNotebook):
         output, input : int
             Channels, from 1.
         """
-        output = natural(output, "output", ModelError, least=1, most=MOST_TERMS)
-        input = natural(input, "input", ModelError, least=1, most=MOST_TERMS)
-        if not (output <= self.outputs and input <= self.inputs):
-            raise ModelError(
-                f"output, input: found {output}, {input}, expected at most "
-                f"{self.outputs}, {self.inputs}, counted from 1"
-            )
+        output, input = channel_pair(output, input, self.outputs, self.inputs)
         i, j = output - 1, input - 1
         return Transfer(self._numerator(i, j), self._denominator(i, j), self.nk[i][j])
 

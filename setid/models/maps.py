@@ -69,10 +69,11 @@ class StaticMap:
             entries = range(
                 1, natural(basis, "StaticMap.basis", ModelError, least=1, most=MOST_TERMS) + 1
             )
-        if isinstance(entries, str) or not hasattr(entries, "__iter__"):
+        if isinstance(entries, (str, bytes)):
             raise ModelError(
                 f"StaticMap.basis: found {basis!r}, expected a number of powers or a list"
             )
+        entries = entries_of(entries, "StaticMap.basis", "a number or a list", ModelError)
         read = tuple(self._entry(item, place) for place, item in enumerate(entries))
         if not read or len(set(read)) != len(read):
             raise ModelError(
@@ -106,7 +107,7 @@ class StaticMap:
         place : int
             Number of the basis function, from 0.
         """
-        item = self.basis[place]
+        item = self.basis[natural(place, "place", ModelError, most=len(self.basis) - 1)]
         if callable(item):
             name = getattr(item, "__name__", "phi")
             label = name if name.isidentifier() else f"phi{place + 1}"

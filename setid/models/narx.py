@@ -142,7 +142,7 @@ class PolynomialNARX(InNotebook):
                 f"degree: found {top} of {len(shell)} regressors, more than {MOST_TERMS} "
                 "monomials, expected fewer"
             )
-        texts = ["1"] if constant else []
+        texts = ["1"] if switch(constant, "constant", ModelError) else []
         single = inputs == outputs == 1
         for size in range(1, top + 1):
             for choice in combinations_with_replacement(shell, size):

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 import sparsepop_py as sp
-from setid.data.checks import number, word
+from setid.data.checks import natural, number, word
 from setid.data.digits import all_digits
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
@@ -206,6 +206,12 @@ class Stable(Plain):
         return self.margin if _continuous(model) else self.radius
 
 
+def _check_channels(prior: MinimumPhase | DCGain | _RootIn) -> None:
+    """Check that output and input are numbers of channels."""
+    for name in ("output", "input"):
+        natural(getattr(prior, name), f"{type(prior).__name__}.{name}", PriorError, 1)
+
+
 @dataclass(frozen=True, slots=True)
 class MinimumPhase(Plain):
     """All zeros of one transfer function in the closed unit disc (delays aside).
@@ -220,6 +226,7 @@ class MinimumPhase(Plain):
     Raises
     ------
     PriorError
+        If a channel is no integer >= 1.
         From :func:`formulate`, where no other prior gives the sign of the leading numerator
         coefficient: without it the set falls into two parts that only meet in zero.
 
@@ -235,6 +242,9 @@ class MinimumPhase(Plain):
 
     output: int = 1
     input: int = 1
+
+    def __post_init__(self) -> None:
+        _check_channels(self)
 
     def _label(self) -> str:
         return f"minphase[{self.output},{self.input}]"
@@ -328,6 +338,7 @@ class DCGain(Plain):
     input: int = 1
 
     def __post_init__(self) -> None:
+        _check_channels(self)
         low = number(self.low, "DCGain.low", PriorError)
         high = low if self.high is None else number(self.high, "DCGain.high", PriorError)
         if low > high or (low == high and np.isinf(low)):
@@ -373,6 +384,7 @@ class _RootIn(Plain, ABC):
     _word: str = field(default="root", init=False, repr=False)
 
     def __post_init__(self) -> None:
+        _check_channels(self)
         ends = interval_of((self.low, self.high), type(self).__name__)
         if not np.isfinite(ends).all():
             raise PriorError(f"{type(self).__name__}: found an infinite end, expected numbers")

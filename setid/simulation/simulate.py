@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import FrozenMapping, frozen, parameters_of, real_array
+from setid.data.checks import FrozenMapping, frozen, parameters_of, real_array, seed_of
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError
@@ -151,7 +151,7 @@ def simulate_record(
         raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     if noise.relative or noise.constraints:
         raise NoiseError("noise: found relative bounds or sets, expected absolute bounds alone")
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(seed_of(seed))
     inputs = _inputs(model, u)
     values = _values(model, theta)
     interval = interval_of(model, Ts)
