@@ -103,7 +103,7 @@ def least_squares(
 
 
 def check_size(n: int, least: int, multiple: int = 1, field: str = "n") -> None:
-    """Refuse sizes that are no multiple of a number, too small, or too large to be held."""
+    """Refuse sizes that are no multiple, too small, or too large to hold."""
     if multiple > 1 and (not isinstance(n, numbers.Integral) or int(n) < least or n % multiple):
         raise ProblemError(
             f"{field}: found {shown(n)}, expected a multiple of {multiple}, at least {least}"

@@ -183,7 +183,7 @@ def test_points_are_checked() -> None:
         formulation.point([1.0])
     with pytest.raises(setid.SetidError, match="theta: found names"):
         formulation.point({"a1": 1.0})
-    with pytest.raises(setid.SetidError, match=r"eta: found shape \(2, 1\), expected \(6, 1\)"):
+    with pytest.raises(setid.SetidError, match=r"output: found shape \(2, 1\), expected \(6, 1\)"):
         formulation.point(THETA, output=[1, 2])
     by_name = dict(zip(SECOND.parameters, THETA, strict=True))
     assert np.array_equal(formulation.point(by_name), formulation.point(THETA))
