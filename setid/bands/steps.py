@@ -271,7 +271,10 @@ def _proved_step(
     """Return the proved and the attained band, the range after them, and the report."""
     length, output, input = place
     model = result.formulation.model
-    coordinates, row = _row_of_pair(model, output, input)
+    try:
+        coordinates, row = _row_of_pair(model, output, input)
+    except ModelError as error:
+        raise ModelError(f"{error}; kind='sampled' has the range of known members") from None
     most = max([row.lag, *(term.lag for term in row.others)])
     settle, count = None, max(length, most + 1)
     if all_time:

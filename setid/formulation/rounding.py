@@ -67,7 +67,7 @@ def rounded_coefficients(
     if products:
         found.append(
             f"{products} products of samples are rounded to nearest doubles, each by at most "
-            "1.2e-16 of its size: equation errors are bounded for the rounded products"
+            "1.2e-16 of its size: what is proved is about the rounded products"
         )
     if sums:
         found.append(

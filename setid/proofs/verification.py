@@ -46,7 +46,7 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
     except NoiseError as cause:
         return Verification(False, f"the noise bounds are those of another record: {cause}")
     if again.problem.fingerprint != given.problem.fingerprint:
-        return Verification(False, "the result belongs to other data")
+        return Verification(False, _other_data(given.data, record))
     if reason := _misstated(claims, again):
         return Verification(False, reason)
     if claims.reference is not None:
@@ -64,6 +64,17 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
         return Verification(False, "the problem is not that of the box")
     fewer = _verify_fewer(claims.fewer_priors, again)
     return _verify_results(claims, again, in_units(problem, again)) if fewer.ok else fewer
+
+
+def _other_data(given: IOData, found: IOData) -> str:
+    """Say that a record is not the one identified from, nor the whole of which that is a part."""
+    reason = "the result belongs to other data"
+    if given.samples < found.samples:
+        reason += (
+            f": it has {given.samples} samples, this record {found.samples}; result.verify() "
+            "takes the right one, also where some were held out"
+        )
+    return reason
 
 
 def _misstated(claims: Evidence, again: Formulation) -> str:

@@ -146,6 +146,9 @@ def test_nonlinear_structures_are_sampled_in_simulation_and_proved_in_prediction
     assert predict(found).kind == "proved" and not len(predict(found).outside)
     with pytest.raises(setid.SetidError, match="linear"):
         simulate_band(found, kind="proved")
+    with pytest.raises(setid.ModelError, match="kind='sampled' has the range"):
+        found.step()
+    assert found.step(4, "sampled").kind == "sampled"
 
 
 def test_residuals_within_bounds(result: setid.Identification) -> None:

@@ -404,3 +404,10 @@ def test_intervals_without_attained_ends_are_not_certified(
         assert verify(with_interval(claims, "b0", inner=None, status=IntervalStatus.PARTIAL)).ok
         assert not verify(with_interval(claims, "b0", inner=None)).ok
     assert not verify(with_interval(reported, "b0", status=IntervalStatus.CERTIFIED)).ok
+
+
+def test_a_result_of_a_part_says_what_verifies_it(linear: Evidence) -> None:
+    whole = setid.IOData([4, -3, 2, 1, 1], [0, -6.25, 1.175, 2.0875, 1.0])
+    other = setid.IOData([4, -3, 2, 2], [0, -6.25, 1.175, 2.0875])
+    assert "it has 4 samples, this record 5; result.verify()" in verify(linear, whole).reason
+    assert verify(linear, other).reason == "the result belongs to other data"
