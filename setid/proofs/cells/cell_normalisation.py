@@ -25,6 +25,7 @@ __all__ = ["converted", "divided", "factor_of"]
 Reals = NDArray[np.float64]
 _MOST = float(np.finfo(float).max)
 _LEAST = float(np.finfo(float).tiny)  # smaller results have fewer digits
+_MOST_ASKED = 2000  # cells that are asked one by one where one says nothing of the map
 _TINY = 1e-300  # more than what underflow takes from a sum
 
 
@@ -41,28 +42,46 @@ def converted(
         Bounds of priors.
     cells : (C, 2, d) float
     fit : Fitted or None
-        Coefficients of the map in each cell; None where there is no cell.
+        Coefficients of the map in each cell; None where there are no cells, or too many to ask
+        each.
 
     Returns
     -------
     hull : (2, p) float
     kept : (K,) int
-        Numbers of the cells that are not empty.
+        Numbers of the cells that are not empty; all of them where none was asked.
     """
-    names, p = formulation.parameters, start.shape[1]
-    model = formulation.model
+    model, p = formulation.model, start.shape[1]
     assert isinstance(model, BlockStructured)
     hull, kept = np.array([np.full(p, np.inf), np.full(p, -np.inf)]), list[int]()
-    place = {name: i for i, name in enumerate(names)}
-    if fit is not None:
-        factor = factor_of(parts, model, cells, fit)
-        for c in range(len(cells)):
-            box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
-            if np.any(box[0] > box[1]):
-                continue
-            kept.append(c)
-            hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
+    if not len(cells):
+        return hull, np.array(kept, np.int64)
+    place = {name: i for i, name in enumerate(formulation.parameters)}
+    factor = None if fit is None else factor_of(parts, model, cells, fit)
+    many = len(cells) > _MOST_ASKED
+    if fit is None or factor is None or (many and np.any(_says_nothing(fit, factor))):
+        return _poles_alone(parts, start, cells, place), np.arange(len(cells))
+    for c in range(len(cells)):
+        box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
+        if np.any(box[0] > box[1]):
+            continue
+        kept.append(c)
+        hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
     return hull, np.array(kept, np.int64)
+
+
+def _says_nothing(fit: Fitted, factor: Reals) -> NDArray[np.bool_]:
+    """Mark the cells (C,) that bound nothing but the poles: with one of them, neither do all."""
+    return ~fit.bounded & ~np.all(np.isfinite(factor), axis=1)
+
+
+def _poles_alone(parts: Parts, start: Reals, cells: Reals, place: Mapping[str, int]) -> Reals:
+    """Compute the hull (2, p) of cells of which no single one is asked about the map."""
+    hull = start.copy()
+    for i, name in enumerate(parts.poles):
+        hull[0, place[name]] = max(start[0, place[name]], cells[:, 0, i].min())
+        hull[1, place[name]] = min(start[1, place[name]], cells[:, 1, i].max())
+    return hull
 
 
 def factor_of(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:

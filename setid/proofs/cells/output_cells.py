@@ -220,20 +220,8 @@ def _covered(
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
     left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
-    if len(left) > _MOST_LEFT:
-        hull, kept = _poles_alone(parts, formulation, start, left), np.arange(len(left))
-    else:
-        hull, kept = converted(parts, formulation, start, left, fit)
+    hull, kept = converted(parts, formulation, start, left, fit)
     return _Covering(parts, left, fit, kept, hull, spent + used)
-
-
-def _poles_alone(parts: Parts, formulation: Formulation, start: Reals, cells: Reals) -> Reals:
-    """The hull (2, p) of many cells, of which no single one is asked about the map."""
-    hull, place = start.copy(), {name: i for i, name in enumerate(formulation.parameters)}
-    for i, name in enumerate(parts.poles):
-        hull[0, place[name]] = max(start[0, place[name]], cells[:, 0, i].min())
-        hull[1, place[name]] = min(start[1, place[name]], cells[:, 1, i].max())
-    return hull
 
 
 def _usable_rows(parts: Parts, known: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -6,13 +6,14 @@ import itertools
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import setid
 import sparsepop_py as sp
-from setid.proofs.cells import output_cells
+from setid.proofs.cells import cell_normalisation, output_cells
 from setid.proofs.cells.arithmetic import Enclosed, Fitted, enclosed, rows_of
 from setid.proofs.cells.cell_normalisation import converted, divided, factor_of
 from setid.proofs.cells.output_cells import CellBox, cell_box
@@ -88,6 +89,30 @@ def test_more_cells_than_are_bounded_keep_the_poles(
     assert found.verify(known, start_of(known))
     assert np.all(found.lower <= each.lower) and np.all(each.upper <= found.upper)
     assert found.lower[0] > -1.0 or rounds < 6  # of the pole something is known
+
+
+@pytest.mark.parametrize("most", [0, 10**9])
+def test_cells_are_not_asked_where_one_of_many_says_nothing(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hull is that of all cells anyway, but for what emptiness says of the poles."""
+    asked = 0
+    one_cell = cell_normalisation._one_cell
+
+    def ask(*given: Any) -> Any:
+        nonlocal asked
+        asked += 1
+        return one_cell(*given)
+
+    monkeypatch.setattr(cell_normalisation, "_MOST_ASKED", most)
+    monkeypatch.setattr(cell_normalisation, "_one_cell", ask)
+    known, theta = formulated(1, 2)
+    coarse = boxed(known, rounds=0)
+    assert holds(coarse, theta) and coarse.verify(known, start_of(known))
+    assert (asked == 0) == (most == 0) and coarse.open == ("b1", "gamma2")
+    asked = 0
+    fine = boxed(known)  # now each says something
+    assert asked > 0 and holds(fine, theta) and not fine.open
 
 
 @pytest.mark.slow
