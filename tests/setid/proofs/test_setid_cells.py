@@ -115,6 +115,20 @@ def test_cells_are_not_asked_where_one_of_many_says_nothing(
     assert asked > 0 and holds(fine, theta) and not fine.open
 
 
+def test_the_signal_in_cells_that_are_not_asked_is_within_its_bounds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known, _ = formulated(1, 2)
+    each = boxed(known, rounds=4)
+    monkeypatch.setattr(cell_normalisation, "_MOST_ASKED", 0)
+    monkeypatch.setattr(
+        cell_normalisation, "_says_nothing", lambda fit, _: np.ones(len(fit.bounded), bool)
+    )
+    found = boxed(known, rounds=4)
+    assert found.cells == each.cells > 1 and np.all(np.isfinite([each.low, each.high]))
+    assert np.all(found.low <= each.low) and np.all(each.high <= found.high)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0])
 def test_cubic_maps_behind_order_two_have_a_box(seed: int) -> None:
