@@ -39,7 +39,7 @@ class Parts(NamedTuple):
     numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
     columns: tuple[Column, ...]
     initial: int  # unknown first samples of z
-    begin: int | None = None  # with impulses: the sample of z before which nothing is said of it
+    begin: int | None  # the sample of z before which nothing is said of it; None: it is zero there
 
 
 def parts_of(formulation: Formulation) -> Parts | None:
@@ -83,6 +83,7 @@ def parts_of(formulation: Formulation) -> Parts | None:
         numerator,
         columns,
         initial,
+        None if model.initial == "zero" or initial else 0,
     )
 
 

@@ -323,6 +323,25 @@ def test_a_coefficient_of_a_sum_of_signals_counts_once() -> None:
     assert np.all(found.upper - found.lower < 1.0)
 
 
+@pytest.mark.parametrize(("na", "nb"), [(1, 1), (0, 2)])
+def test_rows_that_hold_samples_before_the_record_are_left_out(na: int, nb: int) -> None:
+    """z = b u has no state, but y = H (z + .5 z^2) has one, which is not zero."""
+    model = setid.BlockStructured(
+        {("z", "u1"): setid.TransferFunction(0, 1, 0), ("y1", "w"): setid.TransferFunction(na, nb)},
+        {"w": setid.StaticMap("z", 2)},
+        normalise=["gamma1", "dcgain[z,u1]"],
+    )
+    u = np.random.default_rng(5).uniform(-1, 1, 31)
+    w, y = u + 0.5 * u**2, np.zeros(31)
+    for k in range(1, 31):
+        y[k] = 0.7 * w[k] + (0.6 * y[k - 1] if na else 0.4 * w[k - 1])
+    data = setid.IOData(u[1:], y[1:])
+    found = boxed(setid.formulate(data, model, setid.Noise(output=0.001)))
+    given = {"a[y1,w]1": -0.6, "b[z,u1]0": 1.0, "b[y1,w]0": 0.7, "b[y1,w]1": 0.4, "gamma2": 0.5}
+    assert holds(found, [given[name] for name in found.names])
+    assert not found.open
+
+
 def test_cells_remain_where_only_rounding_breaks_a_prior() -> None:
     """Two products of 1e12 that are rounded down leave 1e-4 less than there is."""
     random, kept = np.random.default_rng(4), 0
