@@ -331,11 +331,11 @@ def test_rows_that_hold_samples_before_the_record_are_left_out(na: int, nb: int)
         {"w": setid.StaticMap("z", 2)},
         normalise=["gamma1", "dcgain[z,u1]"],
     )
-    u = np.random.default_rng(5).uniform(-1, 1, 31)
-    w, y = u + 0.5 * u**2, np.zeros(31)
-    for k in range(1, 31):
+    u = np.random.default_rng(5).uniform(-1, 1, 40)
+    w, y = u + 0.5 * u**2, np.zeros(40)
+    for k in range(1, 40):
         y[k] = 0.7 * w[k] + (0.6 * y[k - 1] if na else 0.4 * w[k - 1])
-    data = setid.IOData(u[1:], y[1:])
+    data = setid.IOData(u[10:], y[10:])
     found = boxed(setid.formulate(data, model, setid.Noise(output=0.001)))
     given = {"a[y1,w]1": -0.6, "b[z,u1]0": 1.0, "b[y1,w]0": 0.7, "b[y1,w]1": 0.4, "gamma2": 0.5}
     assert holds(found, [given[name] for name in found.names])
