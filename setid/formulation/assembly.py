@@ -305,19 +305,21 @@ def _signals(
             gone = missing[:, i] >= 0
             lower[missing[gone, i]], upper[missing[gone, i]] = limits[gone].T
             signals[name] = measured(values[:, i], bound[:, i], noise[:, i], missing[:, i], limits)
-    for item in plans:
+    internal = [item for item in plans if item.equation.defines not in signals]
+    free = np.full(data.samples, inf)
+    for item in internal:  # in a loop one is used before it is defined
         name = item.equation.defines
-        if name in signals:
+        signals[name] = unknown(layout.group(name), -free, free)
+    for item in internal:
+        if item.equation.parametric:
             continue
-        variable = layout.group(name)
-        low, high = np.full(data.samples, -inf), np.full(data.samples, inf)
-        if not item.equation.parametric:
-            low[item.rows], high[item.rows] = internal_range(
-                item.equation, signals, item.rows, data.first
-            )
+        variable, low, high = layout.group(item.equation.defines), -free, free.copy()
+        low[item.rows], high[item.rows] = internal_range(
+            item.equation, signals, item.rows, data.first
+        )
         present = variable >= 0
         lower[variable[present]], upper[variable[present]] = low[present], high[present]
-        signals[name] = unknown(variable, low, high)
+        signals[item.equation.defines] = unknown(variable, low, high)
     return signals
 
 

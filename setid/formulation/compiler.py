@@ -41,7 +41,7 @@ def plan(
     Parameters
     ----------
     equations : sequence of Equation
-        Internal signals defined before they are used.
+        Internal signals defined before they are used, but for their past in loops.
     data : IOData
     usable : mapping of signal to (N,) bool
         Measured samples that are known or have a range.
@@ -55,20 +55,17 @@ def plan(
         only where some other row uses them.
     """
     everywhere, first = np.ones(data.samples, bool), data.first
-    known = dict(usable)
-    exists = {signal: everywhere for signal in known}
+    known = {e.defines: everywhere for e in equations} | dict(usable)
+    exists = dict.fromkeys(known, everywhere)
     plans = []
     for equation in equations:
         defined = equation.defines
-        internal = defined not in known
-        if internal:
-            known[defined] = exists[defined] = everywhere
         possible, whole = everywhere, everywhere
         for factor in {s for t in equation.terms for s in t.signals}:
             possible = possible & _before(exists[factor.signal], factor.lag, first, initial)
             whole = whole & _before(known[factor.signal], factor.lag, first, "zero")
         rows = np.flatnonzero(possible & whole)
-        if internal and _static(equation):
+        if defined not in usable and _static(equation):
             exists[defined], known[defined] = possible, possible & whole
         plans.append(Planned(equation, rows, int(np.count_nonzero(possible & ~whole))))
     return _pruned(plans, data, usable)

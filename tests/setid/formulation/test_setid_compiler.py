@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -152,3 +153,41 @@ def test_products_with_a_sample_before_the_record_are_zero() -> None:
     problem = setid.formulate(data, model, exact).problem
     place = problem.names.index("p[y0*y1][2]")
     assert problem.lower[place] <= -0.05 < 0.05 <= problem.upper[place]  # 0.5 times +-0.1
+
+
+@pytest.mark.parametrize("form", ["auto", "partial", "lifted"])
+@pytest.mark.parametrize("initial", ["zero", "free"])
+@pytest.mark.parametrize("memory", [True, False])
+def test_internal_signals_may_make_a_loop(form: Any, initial: Any, memory: bool) -> None:
+    """z(k) = .5 z(k-1) + .6 (u - w)(k-1) with w = .2 z + .1 z^2, or .6 (u - .2 z^2)(k-1)."""
+    gains = (0.5, 0.2, 0.1) if memory else (0.0, 0.0, 0.2)
+    fixed = {"gamma1": 0.2, "b[y1,z]0": 1.0} | ({} if memory else {"b[z,u1-w]1": 0.6})
+    model = setid.BlockStructured(
+        {
+            ("z", "u1 - w"): setid.TransferFunction(int(memory), 1, 1),
+            ("y1", "z"): setid.TransferFunction(1, 1, 0),
+        },
+        {"w": setid.StaticMap("z", 2 if memory else [2])},
+        normalise=fixed,
+        initial=initial,
+        form=form,
+    )
+    u, z, y = np.random.default_rng(0).uniform(-1, 1, 30), np.zeros(30), np.zeros(30)
+    for k in range(1, 30):
+        w = gains[1] * z[k - 1] + gains[2] * z[k - 1] ** 2
+        z[k] = gains[0] * z[k - 1] + 0.6 * (u[k - 1] - w)
+        y[k] = 0.3 * y[k - 1] + z[k]
+    first = 6 if initial == "free" else 0
+    data = setid.IOData(u[first:], y[first:])
+    known = setid.formulate(data, model, setid.Noise(output=0.01))
+    true = {"a[z,u1-w]1": -0.5, "a[y1,z]1": -0.3, "b[z,u1-w]1": 0.6, "gamma2": 0.1}
+    x = np.zeros(known.layout.dimension)
+    x[: len(known.parameters)] = [true[name] for name in known.parameters]
+    signals = {"z": z, "w": gains[1] * z + gains[2] * z**2, "p[z^2]": z**2}
+    for name, values in signals.items():
+        if name in known.layout.groups:
+            numbers = known.layout.group(name)
+            x[numbers[numbers >= 0]] = values[first:][numbers >= 0]
+    assert np.all(x >= known.problem.lower) and np.all(x <= known.problem.upper)
+    residuals = [row.polynomial(x) for row in known.problem.constraints]
+    assert len(residuals) > 40 and np.abs(residuals).max() < 1e-12
