@@ -141,7 +141,7 @@ def _numerator_of(parts: Parts, model: BlockStructured) -> tuple[list[int], floa
     """
     fixed, numerator = dict(model.fixed), set(model.linear_blocks[parts.label].numerator)
     words = {word: place for place, word in enumerate(parts.words)}
-    for rest in {frozenset(word) - numerator for word in words}:
+    for rest in dict.fromkeys(frozenset(word) - numerator for word in words):
         same = [place for word, place in words.items() if frozenset(word) - numerator == rest]
         known = float(np.prod([fixed.get(name, 0.0) for name in rest]))
         if len(rest) <= 1 and len(same) == len(numerator) and known != 0.0:
