@@ -156,14 +156,14 @@ class Narrowing:
             Whether anything was asked.
         """
         chosen = self._chosen(functions, excess)
-        if not chosen or time.monotonic() >= until:
+        left = until - time.monotonic()
+        if not chosen or left <= 0.0:
             return False
         keys = [functions[place].tobytes() for place in chosen]
         gap = min(self.gaps.get(key, _FIRST) for key in keys)
         directions = np.concatenate([functions[chosen], -functions[chosen]])
-        left = None if until == inf else max(until - time.monotonic(), 0.0)
-        engine = self.result.options.for_engine()
-        options = replace(engine, gap=gap, gap_kind="width", time_limit=left)
+        engine, limit = self.result.options.for_engine(), None if left == inf else left
+        options = replace(engine, gap=gap, gap_kind="width", time_limit=limit)
         heights, points = solved_heights(self.result, directions, options, self.coordinates)
         proved = np.isfinite(heights)
         cover = self.cover  # once: threads that ask about one result share it

@@ -75,6 +75,25 @@ def test_narrowed_covers_hold_the_truth_and_all_members(result: setid.Identifica
     assert np.all(known @ cover.matrix.T <= cover.right + slack)
 
 
+def test_time_that_ends_after_it_was_looked_at_is_no_limit_of_zero_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The limit is one second when the clock is read first, and has passed at each later look."""
+    limits = []
+
+    def solved(_: Any, directions: Any, options: sp.Options, *__: Any) -> Any:
+        limits.append(options.time_limit)
+        return np.zeros(len(directions)), np.zeros((0, 4))
+
+    readings = iter([5.0])
+    monkeypatch.setattr(narrowing, "solved_heights", solved)
+    monkeypatch.setattr(narrowing.time, "monotonic", lambda: next(readings, 7.0))
+    asked = fresh(two_inputs())
+    readings = iter([5.0])
+    assert asked.narrow(AXES[:1], np.ones(1), 6.0) and limits == [1.0]
+    assert not asked.narrow(AXES[:1], np.ones(1), 6.0)
+
+
 def test_functions_are_asked_again_more_closely_and_then_no_more(
     result: setid.Identification, monkeypatch: pytest.MonkeyPatch
 ) -> None:
