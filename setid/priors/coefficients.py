@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from numbers import Real
 from typing import Any
 
 import sparsepop_py as sp
@@ -170,7 +171,8 @@ class Sign(Plain):
         known = {"+": 1, "-": -1, 1: 1, -1: -1}
         items = items_of(self.signs, "Sign")
         for name, sign in items:
-            if not isinstance(sign, (str, int)) or sign not in known:
+            kind = isinstance(sign, (str, Real)) and not isinstance(sign, bool)
+            if not kind or sign not in known:
                 raise PriorError(f"Sign[{name!r}]: found {sign!r}, expected '+', '-', 1 or -1")
         stored(self, "signs", {name: known[sign] for name, sign in items})
 

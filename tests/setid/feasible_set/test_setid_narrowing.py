@@ -211,7 +211,7 @@ def test_drawing_members_ends_with_its_time(result: setid.Identification) -> Non
     """Attained vectors need no time; no mixture is tried after it."""
     known = members(result, 0)
     assert np.array_equal(members(result, 10**5, time_limit=0.0), known)
-    assert len(members(result, 5, time_limit=60.0)) > len(known)
+    assert len(members(result, 50, time_limit=60.0)) > len(known)
     with pytest.raises(setid.SetidError, match="time_limit"):
         members(result, 5, time_limit=float("nan"))
 

@@ -203,7 +203,7 @@ def test_a_known_root_is_one_linear_row() -> None:
 def test_bounds_are_intersected() -> None:
     priors = [
         setid.Box({"a1": (-3, 1), "b0": (None, 5)}),
-        setid.Sign({"a1": "-", "b0": 1}),
+        setid.Sign({"a1": "-", "b0": np.sign(2.0)}),
         setid.Known({"b1": 0.25}),
     ]
     formulation, _ = prepared(1, 2, priors)
@@ -231,6 +231,8 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: setid.Box({"a1": 3}), r"a1: found 3, expected \(low, high\)"),
         (lambda: setid.Known({"a1": np.inf}), "a1: found inf, expected a finite number"),
         (lambda: setid.Sign({"a1": "?"}), r"Sign\['a1'\]: found '\?'"),
+        (lambda: setid.Sign({"a1": 2.0}), r"Sign\['a1'\]: found 2.0"),
+        (lambda: setid.Sign({"a1": True}), r"Sign\['a1'\]: found True"),
         (lambda: setid.Stable(1.0), "margin: found 1.0, expected 0 <= margin < 1"),
         (lambda: setid.PoleIn(None, 0.5), "PoleIn: found an infinite end, expected numbers"),
         (lambda: setid.DCGain(2, 1), r"DCGain: found \[2, 1\]"),
