@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -95,8 +96,10 @@ class SolveContext:
 
     @property
     def target(self) -> float:
-        """A bound that closes the gap, +inf without an attained point."""
-        return self.upper - self.allowed
+        """A bound that closes the gap, +inf without an attained point; no gap is closed by -inf."""
+        if self.best is None:
+            return np.inf
+        return max(self.upper - self.allowed, -sys.float_info.max)
 
     @property
     def goal(self) -> float | None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sparsepop_py as sp
 
 X, Y = sp.variables(2)
+LARGEST = sys.float_info.max
 
 
 @pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
@@ -85,3 +88,21 @@ def test_searches_beyond_all_doubles_are_silent(objective, rows: Any, lower, upp
     for effort in ("plain", "auto"):
         result = sp.solve(problem, sp.Options(effort=effort, work_limit=0.03))
         assert result.lower_bound <= result.upper_bound
+
+
+@pytest.mark.parametrize("effort", ["plain", "auto"])
+@pytest.mark.parametrize(
+    ("problem", "gap"),
+    [
+        (sp.Problem(LARGEST * X + LARGEST * Y, [], -1, 1), 1e-6),
+        (sp.Problem(LARGEST * X + X * Y, [X * Y <= 1], -1, 1), 1e-6),
+        (sp.RationalProblem(LARGEST * X / (0.5 + 0.25 * X**2), [], -1, 1), 1e-6),
+        (sp.Problem(X**3 * Y - X, [X * Y <= 1, X >= -1], None, 1), np.inf),
+    ],
+)
+def test_no_gap_is_closed_by_a_bound_of_minus_infinity(problem, gap: float, effort: Any) -> None:
+    """Each objective falls below all doubles."""
+    options = sp.Options(effort=effort, gap=gap, work_limit=0.01)
+    result = sp.solve(problem, options)
+    assert result.lower_bound == -np.inf
+    assert result.status is not sp.Status.OPTIMAL

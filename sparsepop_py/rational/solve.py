@@ -288,7 +288,8 @@ def _status(
     if upper == -np.inf:
         return Status.UNBOUNDED
     allowed = options.gap * (max(1.0, abs(upper)) if options.gap_kind == "relative" else 1.0)
-    if np.isfinite(upper) and proof.bound >= upper - allowed:
+    both = np.isfinite(upper) and np.isfinite(proof.bound)
+    if both and proof.bound >= upper - allowed:
         return Status.OPTIMAL
     ended = (Status.LIMIT, Status.FAILED, Status.INTERRUPTED)
     if found is not None and found.status in ended:

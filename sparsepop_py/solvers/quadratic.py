@@ -77,10 +77,13 @@ def solve_convex_qp(
         settings,
     )
     multipliers: NDArray[Any] = np.zeros(polyhedron.constant.size)
-    multipliers[rows] = result.z * scale / weight
+    with np.errstate(over="ignore"):
+        multipliers[rows] = result.z * scale / weight
     slack = np.full(polyhedron.constant.size, np.inf)
     slack[rows] = result.s / scale
     status = STATUS.get(result.status, "failed")
+    if status in ("solved", "almost") and not np.isfinite(multipliers).all():
+        status = "failed"  # multipliers beyond all doubles
     return QuadraticSolution(status, result.x, multipliers, slack)
 
 
