@@ -214,7 +214,7 @@ def _sensitivities(
             others = sum(theta[place[n]] for n in free[:-1])
             theta[place[free[-1]]] = total - others
     u = generator.uniform(-0.5, 0.5, (_SAMPLES, model.inputs))
-    step, tangent = 1e-5, np.array(_tangent(model, names)).T
+    step, tangent = 1e-5, np.reshape(_tangent(model, names), (-1, len(names))).T
     for amplitude in (1.0, 0.3, 0.1, 0.01):  # feedback loops may diverge
         with np.errstate(all="ignore"):
             ends = [
@@ -223,10 +223,11 @@ def _sensitivities(
             ]
         if np.all(np.abs(ends) < 1e3):
             break
+    rest = np.eye(len(names)) - tangent @ tangent.T  # excluded by static gains: as if seen
+    if not tangent.size:  # all parameters are
+        return rest
     with np.errstate(all="ignore"):
         columns = (np.array(ends[0]) - np.array(ends[1])).T / (2 * step)
-    rest = np.eye(len(names)) - tangent @ tangent.T  # excluded by static gains: as if seen
-    with np.errstate(all="ignore"):
         return np.asarray(np.concatenate([columns @ tangent.T, rest]), np.float64)
 
 

@@ -244,6 +244,14 @@ def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
 
 
 @pytest.mark.slow
+def test_a_gain_that_settles_all_parameters_leaves_none_open() -> None:
+    model = setid.Hammerstein(setid.TransferFunction(0, 1), [1], ["gamma1", "dcgain"])
+    assert model.parameters == ("b0",) and setid.unidentifiable(model) == ()
+    data, options = setid.IOData([1.0, -1.0], [1.0, -1.0]), setid.Options(unidentifiable="report")
+    found = setid.identify(data, model, setid.Noise(output=0.1), options=options)
+    assert found.intervals["b0"].outer == pytest.approx((1.0, 1.0))
+
+
 def test_structures_without_normalisation_are_refused_or_reported() -> None:
     bare = setid.Hammerstein(ONE, 3)
     truth = simulated("hammerstein", 0.02)
