@@ -243,7 +243,6 @@ def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
     yield replace(result, formulation=less)  # the reference knows nothing of the prior
 
 
-@pytest.mark.slow
 def test_a_gain_that_settles_all_parameters_leaves_none_open() -> None:
     model = setid.Hammerstein(setid.TransferFunction(0, 1), [1], ["gamma1", "dcgain"])
     assert model.parameters == ("b0",) and setid.unidentifiable(model) == ()
@@ -252,6 +251,7 @@ def test_a_gain_that_settles_all_parameters_leaves_none_open() -> None:
     assert found.intervals["b0"].outer == pytest.approx((1.0, 1.0))
 
 
+@pytest.mark.slow
 def test_structures_without_normalisation_are_refused_or_reported() -> None:
     bare = setid.Hammerstein(ONE, 3)
     truth = simulated("hammerstein", 0.02)
