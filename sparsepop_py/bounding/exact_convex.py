@@ -24,7 +24,8 @@ from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.bounding.exact_linear import linear_bounds
-from sparsepop_py.bounding.relaxation_bound import BoxBound, CertifiedBound, Model, certified_bound
+from sparsepop_py.bounding.order_bound import CertifiedBound, Model, certified_bound
+from sparsepop_py.bounding.relaxation_bound import BoxBound
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.budget import Deadline, LimitReached, check
 from sparsepop_py.context import SolveContext

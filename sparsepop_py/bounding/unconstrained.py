@@ -28,9 +28,7 @@ from sparsepop_py.bounding.leading_form import (
     coordinates_of_leading_form,
 )
 from sparsepop_py.bounding.moved_origin import about_the_point, cancels
-from sparsepop_py.bounding.relaxation_bound import (
-    Attempt,
-    BoxBound,
+from sparsepop_py.bounding.order_bound import (
     CertifiedBound,
     Model,
     better,
@@ -38,8 +36,8 @@ from sparsepop_py.bounding.relaxation_bound import (
     certified_bound,
     closed_without_relaxation,
     lower_bound,
-    stronger,
 )
+from sparsepop_py.bounding.relaxation_bound import Attempt, BoxBound, stronger
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.size_limits import affordable, largest_basis, worth_building

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
-from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
+from sparsepop_py.bounding.order_bound import Model, build_relaxations
 from sparsepop_py.budget import Deadline, cpu_seconds
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
 from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput

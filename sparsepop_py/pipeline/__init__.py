@@ -2,7 +2,7 @@
 
     search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
 
-One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
+One pass is :mod:`sparsepop_py.bounding.order_bound`, the loop over passes
 :mod:`sparsepop_py.strategy.order_loop`. ``one_objective`` runs both. ``many_objectives`` shares
 them between objectives, or hands each to a worker (``separate_tasks``). ``final_result`` makes
 results of what a search proved and attained.

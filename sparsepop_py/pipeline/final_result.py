@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_convex import falling_direction
-from sparsepop_py.bounding.relaxation_bound import CertifiedBound, lower_bound
+from sparsepop_py.bounding.order_bound import CertifiedBound, lower_bound
 from sparsepop_py.budget import LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import SparsePOPError

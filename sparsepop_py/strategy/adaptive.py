@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import (
-    BoxBound,
+from sparsepop_py.bounding.order_bound import (
     CertifiedBound,
     Model,
     better,
-    bound_box,
     certified_bound,
     lower_bound,
 )
+from sparsepop_py.bounding.relaxation_bound import BoxBound, bound_box
 from sparsepop_py.branch_and_bound.node import NodeSettings
 from sparsepop_py.branch_and_bound.tree import SearchTree
 from sparsepop_py.budget import TOO_MUCH, cpu_seconds, outlasts

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.bounding.subproblem import Restatement, Subproblem
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.strategy.multi_objective import MultiObjectiveSearch

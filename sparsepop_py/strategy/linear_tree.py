@@ -14,13 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import (
-    BoxBound,
-    CertifiedBound,
-    Model,
-    certified_bound,
-    lower_bound,
-)
+from sparsepop_py.bounding.order_bound import CertifiedBound, Model, certified_bound, lower_bound
+from sparsepop_py.bounding.relaxation_bound import BoxBound
 from sparsepop_py.branch_and_bound.float_propagation import FloatPropagation
 from sparsepop_py.branch_and_bound.linear_tree import (
     LinearTree,

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
+from sparsepop_py.bounding.order_bound import Model, lower_bound
 from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import doubles

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.gram_box import gram_box
-from sparsepop_py.bounding.relaxation_bound import (
+from sparsepop_py.bounding.order_bound import (
     CertifiedBound,
     Model,
     better,

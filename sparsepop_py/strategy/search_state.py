@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import (
-    BoxBound,
+from sparsepop_py.bounding.order_bound import (
     CertifiedBound,
     Model,
     better,
     certified_bound,
     lower_bound,
 )
+from sparsepop_py.bounding.relaxation_bound import BoxBound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.executors.dispatch import workers_of
 from sparsepop_py.executors.within_limits import run_on

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model
+from sparsepop_py.bounding.order_bound import CertifiedBound, Model
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.executors.references import Packet, References, received
 from sparsepop_py.executors.within_limits import Timed, run_timed

@@ -14,11 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
-from sparsepop_py.bounding.relaxation_bound import (
-    CertifiedBound,
-    better,
-    lower_bound,
-)
+from sparsepop_py.bounding.order_bound import CertifiedBound, better, lower_bound
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.bounding.unconstrained import may_be_squares, unconstrained_bound
 from sparsepop_py.budget import EARLY, cpu_seconds

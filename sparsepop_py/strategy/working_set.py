@@ -27,7 +27,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import Model, better
+from sparsepop_py.bounding.order_bound import Model, better
 from sparsepop_py.bounding.subproblem import Subproblem
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent

@@ -14,7 +14,7 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.branch_and_bound.node import process_node
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages

@@ -13,7 +13,7 @@ import sparsepop_py as sp
 from benchmarks.problems.identification import THETA
 from benchmarks.problems.identification import task as identification_context
 from sparsepop_py import Options, Problem
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible

@@ -13,7 +13,7 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
-from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.bounding.order_bound import Model
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search import slp
