@@ -96,7 +96,7 @@ class SolveContext:
 
     @property
     def target(self) -> float:
-        """A bound that closes the gap, +inf without an attained point; no gap is closed by -inf."""
+        """A bound that closes the gap; +inf without an attained point, never -inf."""
         if self.best is None:
             return np.inf
         return max(self.upper - self.allowed, -sys.float_info.max)

@@ -129,7 +129,7 @@ def check_switch(given: Any, field: str) -> None:
         raise ProblemError(f"{field}: found {shown(given)}, expected True or False")
 
 
-def check_whole(given: Any, field: str, least: int, most: int = 2**31 - 1) -> int:
+def check_whole(given: Any, field: str, least: int, most: int | None = None) -> int:
     """Return an argument as an integer in a range; booleans and fractions are refused.
 
     Raises
@@ -137,10 +137,9 @@ def check_whole(given: Any, field: str, least: int, most: int = 2**31 - 1) -> in
     ProblemError
     """
     whole = isinstance(given, numbers.Integral) and not isinstance(given, bool)
-    if not whole or not least <= int(given) <= most:
-        raise ProblemError(
-            f"{field}: found {shown(given)}, expected an integer from {least} to {most}"
-        )
+    if not whole or int(given) < least or (most is not None and int(given) > most):
+        wanted = f", at least {least}" if most is None else f" from {least} to {most}"
+        raise ProblemError(f"{field}: found {shown(given)}, expected an integer{wanted}")
     return int(given)
 
 
@@ -178,8 +177,10 @@ def shown(given: Any) -> str:
     """Return the beginning of what Python prints of a value, for messages."""
     try:
         return f"{given!r:.60}"
-    except Exception:  # an integer of thousands of digits, lists in lists without end
-        return f"a {type(given).__name__} that cannot be printed"
+    except Exception:  # beyond Python's limit of digits, or lists in lists without end
+        if isinstance(given, numbers.Integral):
+            return "an integer of thousands of digits"
+        return f"{type(given).__name__} that cannot be printed"
 
 
 def entries_of(given: Any, field: str, expected: str) -> list[Any]:

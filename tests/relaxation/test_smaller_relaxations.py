@@ -151,5 +151,5 @@ def test_point_masses_satisfy_every_row(order: float, consistent: int, narrow: b
 
 
 def test_switches_are_checked() -> None:
-    with pytest.raises(ProblemError, match=r"Switches.consistent: found 3, expected 0, 1 or 2"):
+    with pytest.raises(ProblemError, match=r"Switches.consistent: found 3, expected an integer"):
         Switches(consistent=3)
