@@ -24,7 +24,7 @@ def as_path(path: Any) -> Path:
         If it is neither a string nor path-like, or no file can have this name.
     """
     if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
-        raise FormatError(f"path: found {shown(path)}, expected a file name")
+        raise FormatError(f"path: found {shown(path)}, expected the name of a file")
     if not can_name_a_file(os.fspath(path)):
         raise FormatError(f"path: found {os.fspath(path)!r}, expected the name of a file")
     return Path(path)

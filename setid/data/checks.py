@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numbers
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
@@ -15,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from setid.errors import DataError, ModelError, SetidError
 from sparsepop_py.algebra.exact_terms import require_doubles
 from sparsepop_py.budget import LimitReached
-from sparsepop_py.errors import CONVERTED, shown
-from sparsepop_py.files import can_name_a_file
+from sparsepop_py.errors import CONVERTED, FormatError, shown
+from sparsepop_py.files import as_path
 
 __all__ = [
     "MOST_TERMS",
@@ -168,10 +167,10 @@ def texts_of(given: Any, field: str, error: type[SetidError]) -> list[str]:
 
 def path_of(path: Any) -> Path:
     """Check the name of a file to be read."""
-    named = isinstance(path, (str, os.PathLike)) and isinstance(os.fspath(path), str)
-    if not named or not can_name_a_file(os.fspath(path)):
-        raise DataError(f"path: found {shown(path)}, expected the name of a file")
-    return Path(path)
+    try:
+        return as_path(path)
+    except FormatError as error:
+        raise DataError(str(error)) from None
 
 
 def channel_pair(output: Any, input: Any, outputs: int, inputs: int) -> tuple[int, int]:

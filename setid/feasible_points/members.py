@@ -36,6 +36,8 @@ __all__ = [
 
 Reals = NDArray[np.float64]
 _MOST = 10**6  # mixtures that are drawn at once
+# of each set and seed, whether mixtures are consistent, by their numbers in the order of drawing
+_TRIED: WeakKeyDictionary[FeasibleSet, dict[int, dict[int, bool]]] = WeakKeyDictionary()
 ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
 
 
@@ -146,10 +148,6 @@ def members(result: FeasibleSet, count: int = 100, seed: int = 0, time_limit: fl
             tried[number] = is_member(result.formulation, theta)
     keep = [theta for number, theta in enumerate(mixed) if tried.get(number)]
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
-
-
-# of each set and seed, whether mixtures are consistent, by their numbers in the order of drawing
-_TRIED: WeakKeyDictionary[FeasibleSet, dict[int, dict[int, bool]]] = WeakKeyDictionary()
 
 
 def draws_of(samples: int, seed: int, field: str = "samples") -> tuple[int, int]:

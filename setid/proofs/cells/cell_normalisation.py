@@ -57,10 +57,12 @@ def converted(
     if not len(cells):
         return hull, np.array(kept, np.int64)
     place = {name: i for i, name in enumerate(formulation.parameters)}
-    factor = None if fit is None else factor_of(parts, model, cells, fit)
-    many = len(cells) > _MOST_ASKED
-    if fit is None or factor is None or (many and np.any(_says_nothing(fit, factor))):
-        return _poles_alone(parts, start, cells, place), np.arange(len(cells))
+    poles = _poles_alone(parts, start, cells, place), np.arange(len(cells))
+    if fit is None:
+        return poles
+    factor = factor_of(parts, model, cells, fit)
+    if len(cells) > _MOST_ASKED and np.any(_says_nothing(fit, factor)):
+        return poles
     for c in range(len(cells)):
         box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
         if np.any(box[0] > box[1]):

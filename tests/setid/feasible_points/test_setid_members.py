@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identified_cases import first_order
+from numpy.typing import NDArray
 
+import setid
 from setid.feasible_points import members as room
 from setid.feasible_points.members import is_member, members
+from setid.formulation.formulation import Formulation
 
 
 @pytest.fixture
@@ -18,8 +21,8 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """What was asked of mixtures."""
     asked: list[bool] = []
 
-    def ask(*given: object) -> bool:
-        asked.append(is_member(*given))  # type: ignore[arg-type]
+    def ask(formulation: Formulation, theta: NDArray[np.float64]) -> bool:
+        asked.append(is_member(formulation, theta))
         return asked[-1]
 
     monkeypatch.setattr(room, "is_member", ask)
@@ -55,3 +58,12 @@ def test_none_is_tried_once_time_is_over(tried: list[bool]) -> None:
     result = replace(first_order())
     np.testing.assert_array_equal(members(result, 9, time_limit=0.0), result.attained)
     assert not tried
+
+
+@pytest.mark.parametrize("band", [setid.step_band, setid.simulate_band, setid.frequency_band])
+def test_sampled_bands_try_none_either(band: Callable[..., object], tried: list[bool]) -> None:
+    result = replace(first_order())
+    band(result, kind="sampled", time_limit=0.0)
+    without = len(tried)  # the nominal model may need a look
+    band(replace(result), kind="sampled", time_limit=60.0)
+    assert without <= 1 and len(tried) > 20

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import setid
+from setid.models.equations import Initial
+from setid.models.lti import Form
 
 Reals = NDArray[np.float64]
 Terms = list[tuple[float, str]]  # of a source: signs and signals
@@ -36,6 +38,8 @@ WIRINGS: tuple[tuple[tuple[tuple[str, str], ...], Mapping[str, tuple[str, ...]],
     ((("z", "u1"),), {"y1": ("z", "u2")}, 2, 1),
     ((("z", "u1"), ("y1", "w"), ("y2", "z")), {"w": ("z",)}, 1, 2),
 )
+_STARTS: tuple[Initial, ...] = ("zero", "free")
+_FORMS: tuple[Form, ...] = ("auto", "partial", "lifted")
 _POWERS = (((1,), (2,)), ((1,), (2,), (3,)), ((1,), (3,)), ((2,),), ((2,), (3,)))
 _PAIRS = (((1, 0), (1, 1)), ((0, 1), (2, 0)), ((1, 1), (1, 0), (0, 2)))
 
@@ -69,9 +73,15 @@ class Record:
     description: str
 
 
-def random_record(seed: int) -> Record | None:
-    """Make a record whose truth keeps all bounds; None for systems that grow."""
+def random_record(seed: int) -> Record:
+    """Make a record whose truth keeps all bounds; systems that grow are drawn again."""
     rng = np.random.default_rng(seed)
+    while (found := _drawn(rng)) is None:
+        pass
+    return found
+
+
+def _drawn(rng: np.random.Generator) -> Record | None:
     entries, arguments, inputs, outputs = WIRINGS[int(rng.integers(len(WIRINGS)))]
     blocks = [_block(rng, target, source, len(entries) > 1) for target, source in entries]
     bases = {
@@ -90,8 +100,7 @@ def random_record(seed: int) -> Record | None:
         values |= dict(zip(block.poles, poles.tolist(), strict=True))
         values |= {name: _coefficient(rng) for name in block.zeros}
     fixed = _normalised(rng, blocks, weights, values)
-    initial = ("zero", "free")[int(rng.integers(2))]
-    form = ("auto", "partial", "lifted")[int(rng.integers(3))]
+    initial, form = _STARTS[int(rng.integers(2))], _FORMS[int(rng.integers(3))]
     model = setid.BlockStructured(
         {
             (b.target, b.source): setid.TransferFunction(len(b.poles), len(b.zeros), b.delay)
@@ -100,8 +109,8 @@ def random_record(seed: int) -> Record | None:
         {name: setid.StaticMap(given, bases[name]) for name, given in arguments.items()},
         inputs=inputs,
         outputs=outputs,
-        initial=initial,  # type: ignore[arg-type]
-        form=form,  # type: ignore[arg-type]
+        initial=initial,
+        form=form,
         normalise=fixed or None,
     )
     begin = _BURN if initial == "free" else 0

@@ -290,6 +290,31 @@ def test_static_gains_behind_a_map_are_those_of_coefficients_alone(
     assert (high - low < 1e-10) == complete
 
 
+@pytest.mark.parametrize("fixed", [-2.0, 0.3, -1e-3])
+@pytest.mark.parametrize("width", [0.0, 1e-16, 0.1])
+def test_static_gains_of_cells_hold_those_of_their_points(fixed: float, width: float) -> None:
+    """Coefficients may cancel but for rounding, and the sum of them may change sign."""
+    random = np.random.default_rng(4)
+    parts = SimpleNamespace(
+        poles=("a1",), words=(("b1", "g1"), ("b2", "g1")), constants=np.array([0.7, 0.9]),
+        columns=(), past=(), label="G",
+    )  # fmt: skip
+    blocks = {"G": SimpleNamespace(numerator=("b1", "b2"))}
+    model = SimpleNamespace(fixed=(("g1", fixed),), unit_gain=("G",), linear_blocks=blocks)
+    for _ in range(60):
+        b = float(random.uniform(0.1, 1.0))
+        middle = np.array([random.uniform(-0.9, 0.9), b, -0.7 * b / 0.9])
+        low, high = middle - width, middle + width
+        first, last = factor_of(parts, model, np.array([[low, high]]), None)[0].tolist()
+        for point in itertools.product(*zip(low.tolist(), high.tolist(), strict=True)):
+            a1, b1, b2 = map(Fraction, point)
+            gain = (Fraction(0.7) * b1 + Fraction(0.9) * b2) / Fraction(fixed)
+            if gain:
+                exact = (1 + a1) / gain
+                assert first == -np.inf or Fraction(first) <= exact
+                assert last == np.inf or exact <= Fraction(last)
+
+
 def test_a_static_gain_bounds_a_map_before_the_block() -> None:
     """z = G w, w = u + .2 u^2, y = z + .4 z^2 with z(k) = .5 z(k-1) + .5 w(k-1)."""
     model = setid.HammersteinWiener(
