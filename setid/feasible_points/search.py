@@ -8,6 +8,7 @@ to the end of each parameter. What comes back as attained is proved.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -17,9 +18,11 @@ import sparsepop_py as sp
 from setid.formulation.completion import defined_unknowns, held_unknowns, polished
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
+from setid.formulation.units import in_units
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
+from sparsepop_py.problem import units
 
 __all__ = ["coupled", "search_ends"]
 
@@ -64,41 +67,47 @@ def search_ends(
     list of sp.ProvedPoint
         Fewer than 2 p where a search or a proof failed.
     """
-    inside = _polished(formulation, _least_noise(formulation, problem, start))
+    scaled = in_units(problem, formulation, coarse=1)
+    inner = replace(formulation, problem=scaled.problem)
+    least = _least_noise(formulation, problem, start, scaled.units)
+    inside = _polished(inner, least / scaled.units)
     if inside is None:
         return []
-    known = solved_rows(formulation, problem)
-    found = [proved_point(formulation, problem, inside, known)]
-    within = _within(formulation, problem)
+    ends, within = [inside], _within(formulation, scaled.problem)
     for place in range(len(formulation.parameters)):
         for sign in (1.0, -1.0):
             goal = within.with_objective(sign * formulation.layout.polynomial(place))
-            end = _end(formulation, goal, inside)
-            if end is not None:
-                found.append(proved_point(formulation, problem, end, known))
+            ends += _end(inner, goal, inside)
+    known = solved_rows(formulation, problem)
+    found = [proved_point(formulation, problem, end * scaled.units, known) for end in ends]
     return [point for point in found if point is not None]
 
 
-def _end(formulation: Formulation, goal: sp.Problem, inside: Reals) -> Reals | None:
+def _end(formulation: Formulation, goal: sp.Problem, inside: Reals) -> list[Reals]:
     """Minimise locally; try other trust regions where a search leaves the equations."""
     for trust in _TRUST:
         end = _polished(formulation, sequential_search(goal, inside, trust=trust))
         if end is not None:
-            return end
-    return None
+            return [end]
+    return []
 
 
-def _least_noise(formulation: Formulation, problem: sp.Problem, start: Reals) -> Reals:
+def _least_noise(
+    formulation: Formulation, problem: sp.Problem, start: Reals, sizes: Reals
+) -> Reals:
     """Find a vector of little noise, its parameters within the problem's bounds."""
     stated, p = problem_with_factor(formulation, None), len(formulation.parameters)
     lower, upper = stated.lower.copy(), stated.upper.copy()
     noise = np.append(held_unknowns(formulation), False)
     lower[noise], upper[noise], upper[-1] = -inf, inf, inf  # the factor alone bounds them
     lower[:p], upper[:p] = problem.lower[:p], problem.upper[:p]
-    wide = sp.Problem(stated.objective, stated.constraints, lower, upper)
+    scaled = units.in_units(
+        sp.Problem(stated.objective, stated.constraints, lower, upper), np.append(sizes, 1.0), 1
+    )
     bound = formulation.problem.upper[noise[:-1]]
     factor = float(np.max(np.abs(start[noise[:-1]]) / bound, initial=0.0))
-    return sequential_search(wide, np.append(start, factor))[:-1]
+    found = sequential_search(scaled.problem, np.append(start, factor) / scaled.units)
+    return (found * scaled.units)[:-1]
 
 
 def _within(formulation: Formulation, problem: sp.Problem) -> sp.Problem:

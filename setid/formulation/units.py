@@ -36,7 +36,7 @@ def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
     return frozen(found)
 
 
-def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
+def in_units(problem: sp.Problem, formulation: Formulation, coarse: int = units.COARSE) -> InUnits:
     """State the same problem with signals, parameters and rows neither tiny nor huge.
 
     Parameters
@@ -44,6 +44,8 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     problem : sparsepop_py.Problem
         That of the formulation, with other bounds, rows and perhaps more unknowns.
     formulation : Formulation
+    coarse : int
+        As of :func:`sparsepop_py.problem.units.in_units`.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
         with np.errstate(invalid="ignore"):
             sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
         largest[number + 1] = sizes[number]
-    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0))
+    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0), coarse)
 
 
 def coupled_rows(formulation: Formulation) -> CoupledRows:

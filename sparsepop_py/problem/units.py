@@ -18,11 +18,11 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import frozen
 
-__all__ = ["InUnits", "in_units"]
+__all__ = ["COARSE", "InUnits", "in_units"]
 
 Reals = NDArray[np.float64]
 _MOST_POWER = 1023  # of two, among doubles
-_COARSE = 16  # records in ordinary units stay as they are
+COARSE = 16  # powers of two are multiples of this: records in ordinary units stay as they are
 _SMALL, _LARGE = 1e-290, 1e290  # beyond this, products of units might be rounded
 
 
@@ -47,10 +47,12 @@ class InUnits(NamedTuple):
         restated = _restated(objective, self.units)
         if not _safe(restated):
             raise ProblemError("objective: expected coefficients that are neither tiny nor huge")
-        return _balanced(restated)
+        return _balanced(restated, COARSE)
 
 
-def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUnits:
+def in_units(
+    problem: Problem, sizes: NDArray[np.float64] | None = None, coarse: int = COARSE
+) -> InUnits:
     """State the same problem with unknowns and rows that are neither tiny nor huge.
 
     Parameters
@@ -58,6 +60,9 @@ def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUn
     problem : Problem
     sizes : (k,) float, optional
         Least sizes of the first k unknowns, for those that bounds do not tell; 0 for none.
+    coarse : int
+        Powers of two are multiples of this: with 1 units are within a factor of two of sizes,
+        and with the default unknowns of ordinary size stay as they are.
 
     Returns
     -------
@@ -72,12 +77,12 @@ def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUn
     >>> in_units(large).units.tolist()
     [65536.0, 1.0]
     """
-    units = _units(problem, sizes)
+    units = _units(problem, sizes, coarse)
     with np.errstate(all="ignore"):
         lower, upper = problem.lower / units, problem.upper / units
         restated = [_restated(row.polynomial, units) for row in problem.constraints]
-        objective, factor = _balanced(_restated(problem.objective, units))
-        balanced = [_balanced(polynomial)[0] for polynomial in restated]
+        objective, factor = _balanced(_restated(problem.objective, units), coarse)
+        balanced = [_balanced(polynomial, coarse)[0] for polynomial in restated]
         exact = np.array_equal(lower * units, problem.lower)
         exact &= np.array_equal(upper * units, problem.upper)
     exact &= bool(np.all((units > _SMALL) & (units < _LARGE)))
@@ -89,7 +94,7 @@ def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUn
     return InUnits(Problem(objective, rows, lower, upper, problem.names), units, factor)
 
 
-def _units(problem: Problem, sizes: NDArray[np.float64] | None) -> Reals:
+def _units(problem: Problem, sizes: NDArray[np.float64] | None, coarse: int) -> Reals:
     """Choose coarse powers of two near the sizes of variables; one for none."""
     size = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
     size = np.where(np.isfinite(size) & (size > 0), size, 0.0)
@@ -97,7 +102,7 @@ def _units(problem: Problem, sizes: NDArray[np.float64] | None) -> Reals:
         size[: sizes.size] = np.maximum(size[: sizes.size], sizes)
     power = np.frexp(np.where(size > 0, size, 1.0))[1]
     with np.errstate(over="ignore"):  # units that no double holds are refused
-        return frozen(np.ldexp(1.0, _COARSE * np.round(power / _COARSE).astype(int)))
+        return frozen(np.ldexp(1.0, coarse * np.round(power / coarse).astype(int)))
 
 
 def _restated(polynomial: Polynomial, units: Reals) -> Polynomial:
@@ -105,12 +110,12 @@ def _restated(polynomial: Polynomial, units: Reals) -> Polynomial:
     return _with(polynomial, polynomial.coefficients * np.prod(factors, axis=1))
 
 
-def _balanced(polynomial: Polynomial) -> tuple[Polynomial, float]:
+def _balanced(polynomial: Polynomial, coarse: int) -> tuple[Polynomial, float]:
     """Divided by a coarse power of two near the largest coefficient, and that power."""
     if not polynomial.terms:
         return polynomial, 1.0
     size = np.frexp(np.abs(polynomial.coefficients).max())[1]
-    power = min(_COARSE * round(float(size) / _COARSE), _MOST_POWER)
+    power = min(coarse * round(float(size) / coarse), _MOST_POWER)
     return _with(polynomial, np.ldexp(polynomial.coefficients, -power)), math.ldexp(1.0, power)
 
 

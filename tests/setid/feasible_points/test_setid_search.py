@@ -53,6 +53,27 @@ def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
         assert least <= answer.lower + 3e-4 * width
 
 
+@pytest.mark.parametrize("size", [1e-5, 1e-3, 1e4])
+def test_ends_do_not_depend_on_the_unit_of_outputs(size: float) -> None:
+    """With outputs times s the gains are b1 s and gamma2 / s^2, and so are their ends."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 12)
+    noise = 0.01 * np.abs(setid.simulate(LURE, THETA, u)).max()
+    y = setid.simulate_record(LURE, THETA, u, setid.Noise(output=noise), seed=1).data.y
+    found = []
+    for unit in (1.0, size):
+        data = setid.IOData(u, unit * y)
+        formulation = setid.formulate(data, LURE, setid.Noise(output=unit * noise))
+        problem = problem_on_box(formulation, find_box(formulation))
+        start = first_point(formulation, problem)
+        assert start is not None
+        ends = search_ends(formulation, problem, start)
+        assert len(ends) == 7  # both ends of three parameters, and where they begin
+        values = np.array([end.x[:3] for end in ends]) / [1.0, unit, unit**-2.0]
+        found.append([values.min(axis=0), values.max(axis=0)])
+    first, again = np.array(found)
+    assert np.all(np.abs(again - first) <= 1e-4 * (first[1] - first[0]))
+
+
 def test_searches_pass_noise_that_curves_the_rows() -> None:
     """At 5 % squares of noise count: steps without correction end far inside; oracle SCIP."""
     formulation, problem = stated(0.05, 20, 0, LURE, [-0.6, 0.5, 0.15])
