@@ -52,8 +52,9 @@ def objectives(formulation: Formulation) -> list[sp.Polynomial]:
 def problem_on_box(formulation: Formulation, box: ProvedBox | None) -> sp.Problem:
     """State the problem of a formulation with the parameters in a box.
 
-    A parameter that no constraint speaks of, and that has no finite bounds, is set to
-    zero: that changes nothing for the others.
+    A parameter that no constraint speaks of, and that has an infinite bound, is set to the number
+    nearest to zero: that changes nothing for the others. One with finite bounds keeps them, since
+    bands ask this problem about it as about all others.
     """
     problem = formulation.problem
     lower, upper = problem.lower.copy(), problem.upper.copy()
@@ -65,9 +66,8 @@ def problem_on_box(formulation: Formulation, box: ProvedBox | None) -> sp.Proble
         samples = cells.unknowns
         lower[samples] = np.maximum(lower[samples], cells.low)
         upper[samples] = np.minimum(upper[samples], cells.high)
-    silent = np.array([i for i in range(p) if not _occurs(problem, i)], int)
-    free = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
-    lower[free] = upper[free] = 0.0
+    free = [i for i in range(p) if np.isinf(upper[i] - lower[i]) and not _occurs(problem, i)]
+    lower[free] = upper[free] = np.clip(0.0, lower[free], upper[free])
     return sp.Problem(problem.objective, problem.constraints, lower, upper, problem.names)
 
 
