@@ -67,7 +67,7 @@ class Regression(UncertainRows):
     row : (R,) int
         Row of the data, from 0.
     record, sample, output : (R,) int
-        Record, sample in it and output, from 1.
+        Record, sample in it and output, from 1; output 0 where a row defines an internal signal.
 
     Examples
     --------

@@ -11,6 +11,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
+from setid.models.equations import channel_of
 from setid.models.lti import TransferFunction
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
@@ -65,7 +66,7 @@ def product_rows(formulation: Formulation) -> ProductRows | None:
         return None
     rows, problem = formulation.rows, formulation.problem
     kept = np.flatnonzero((rows.sample > 0) & problem.equality)
-    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
+    channel = np.array([_output(rows.equation[row]) for row in kept], np.int64)
     record, sample = rows.record[kept], rows.sample[kept]
     where = formulation.data.starts[record - 1] + sample - 1
     known = found.regression
@@ -73,6 +74,12 @@ def product_rows(formulation: Formulation) -> ProductRows | None:
     places = (frozen(np.array(array)) for array in (where, record, sample, channel))
     denominators = _denominators(formulation)
     return replace(found, regression=Regression(*fields, *places), denominators=denominators)
+
+
+def _output(equation: str) -> int:
+    """Number the output of an equation from 1; 0 where it defines an internal signal."""
+    channel = channel_of(equation)
+    return channel[1] + 1 if channel else 0
 
 
 def _denominators(formulation: Formulation) -> tuple[tuple[tuple[int, ...], ...], ...]:

@@ -115,3 +115,24 @@ def test_two_blocks_of_order_two_have_a_box_from_the_data() -> None:
     assert isinstance(box, LiftedBox) and box_follows(box, formulation)
     assert np.all(np.isfinite([box.lower, box.upper]))
     assert np.all((box.lower <= theta) & (box.upper >= theta))
+
+
+def test_rows_of_internal_signals_belong_to_no_output() -> None:
+    """Two records of y = z + 0.3 z^2, z = -2 (u1 - u2): z is known, and has rows of its own."""
+    u = np.array([[1.0, 0.0], [2.0, 1.0], [-1.0, 1.0], [0.0, 0.5], [1.5, 0.0], [-2.0, 1.0]])
+    z = -2.0 * (u[:, 0] - u[:, 1])
+    model = setid.BlockStructured(
+        {("z", "u1 - u2"): setid.TransferFunction(0, 1, 0)},
+        {"y1": setid.StaticMap("z", 2)},
+        inputs=2,
+        normalise={"b0": -2.0},
+    )
+    data = setid.IOData(u, z + 0.3 * z**2, starts=[0, 3])
+    priors = [setid.Box({"gamma1": (0.0, 3.0), "gamma2": (-1.0, 1.0)})]
+    formulation = setid.formulate(data, model, setid.Noise(output=0.01), priors)
+    products = product_rows(formulation)
+    assert products is not None
+    assert set(products.regression.output.tolist()) == {0, 1}  # type: ignore[attr-defined]
+    box = find_box(formulation)
+    assert box is not None and box_follows(box, formulation)
+    assert np.all((box.lower <= [1.0, 0.3]) & (box.upper >= [1.0, 0.3]))
