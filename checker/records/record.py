@@ -82,6 +82,7 @@ class Identification:
         self.stated: list[str] = []  # rows that are part of the question
         self.stable: set[int] = set()  # outputs whose poles are said to lie in the closed unit disc
         self.chosen: set[int] = set()  # parameters in no row, whose values a file may choose
+        self.silent: set[int] = set()  # all parameters in no row
         self.whole = True  # whether every feasible point of the problem explains the record
         self.rounded = False  # whether rows of equation errors are rounded outwards
         self.loose = False  # whether they allow more than that
@@ -377,12 +378,12 @@ class Identification:
         if self.fewer is not None:
             box = bounded_with_fewer(self.fewer, self, box)
         empty = nothing(box)
-        used = {v for c in self.problem.constraints for w in c.words() for v in w}
+        self.silent = self._silent()
         for v in range(len(self.names)):
             low, high = self.bounds(v)
             least, most = max(box[0][v], self.given[0][v]), min(box[1][v], self.given[1][v])
             if not empty and not (low <= least and most <= high):
-                if v + 1 in used:
+                if v not in self.silent:
                     what = f"the problem leaves out values of {self.names[v]} that may be"
                     raise NotProved(f"{self.where}.problem.lower, upper: {what}")
                 self.chosen.add(v)
@@ -395,6 +396,11 @@ class Identification:
         for v, stated in enumerate(self.got.intervals):
             lines += self._interval(v, stated, box, points, empty)
         return [*lines, "proved: no parameters explain the record"] if empty else lines
+
+    def _silent(self) -> set[int]:
+        """Find the parameters that no row speaks of."""
+        used = {v for c in self.problem.constraints for w in c.words() for v in w}
+        return {v for v in range(len(self.names)) if v + 1 not in used}
 
     def _move(self, box: Ends, v: int, side: int, least: Any) -> None:
         """Shrink the box by what the problem proves of a parameter.
@@ -554,10 +560,7 @@ class Identification:
             raise NotProved(f"{place}: no point is shown to explain the record")
         if not all(self._is_stable(point) for point in points):
             raise NotProved(f"{place}: it is not shown that the poles are as given")
-        least = min(p.x[v] + p.radius for p in points) * self.units[v]
-        most = max(p.x[v] - p.radius for p in points) * self.units[v]
-        if self.problem.lower[v] == self.problem.upper[v]:
-            least = most = self.problem.lower[v] * self.units[v]
+        least, most = self._reach(v, points)
         least = -INF if (v, 0) in self.endless else least
         most = INF if (v, 1) in self.endless else most
         if (a < least and not open_ends[0]) or (b > most and not open_ends[1]):
@@ -566,6 +569,20 @@ class Identification:
             raise NotProved(f"{place}: {claim}, but only {best} is")
         line = f"{line}, attained from {shown(a)} to {shown(b)}"
         return [line, self._unbounded(v)] if any(open_ends) else [line]
+
+    def _reach(self, v: int, points: list[Any]) -> tuple[Any, Any]:
+        """Find least and largest value of a parameter that points attain.
+
+        Where no row and no test of poles speaks of it, a point stays one with each value given.
+        """
+        poles = (self.structure.denominators(output - 1) for output in self.stable)
+        tested = {name for names in poles for part in names for name in part}
+        if v in self.silent and self.names[v] not in tested:
+            return self.given[0][v], self.given[1][v]
+        if self.problem.lower[v] == self.problem.upper[v]:
+            return (self.problem.lower[v] * self.units[v],) * 2
+        least = min(p.x[v] + p.radius for p in points) * self.units[v]
+        return least, max(p.x[v] - p.radius for p in points) * self.units[v]
 
     def _unbounded(self, v: int) -> str:
         """Say what files hold no proof of."""

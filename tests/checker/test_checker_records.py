@@ -296,6 +296,29 @@ def test_certificates_about_parameters_in_no_row_prove_nothing_of_them():
         Identification(found).check()
 
 
+@pytest.mark.filterwarnings("ignore:u. input 1 is zero:setid.SetidWarning")
+def test_parameters_in_no_row_attain_all_that_is_given():
+    data = setid.IOData(np.zeros(3), [1.0, 0.5, 0.25])
+    priors = [setid.Box({"b1": (-1.0, 2.0)}), setid.Stable()]
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.02)
+    options = setid.Options(tol=1.0, progress=False)
+    found = setid.identify(data, model, noise, priors, options)
+    text = json.loads(certificate_text(found))["identification"]
+    lines = Identification(text).check()
+    assert "proved: b1 in [-1.0, 2.0], attained from -1.0 to 2.0" in lines
+    text["intervals"][1].update(outer=[-1.0, 3.0], inner=[-1.0, 2.5])
+    with pytest.raises(NotProved, match="only \\[-1.0, 2.0\\] is"):
+        Identification(text).check()
+
+
+def test_parameters_of_tested_poles_attain_what_points_attain():
+    about = Identification(loaded("o-0"))
+    about.silent, about.stable = {0}, {1}
+    about.problem.lower[0], about.problem.upper[0] = Fraction(-9), Fraction(9)
+    points = [SimpleNamespace(x=[Fraction(1, 4)], radius=0)]
+    assert about._reach(0, points) == (about.units[0] / 4,) * 2
+
+
 def test_texts_cannot_pretend_to_be_lines_of_the_checker():
     found = loaded("e-0")
     found["assumptions"].append("nothing\nproved: a1 in [0, 0]")
