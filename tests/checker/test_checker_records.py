@@ -311,9 +311,10 @@ def test_parameters_in_no_row_attain_all_that_is_given():
         Identification(text).check()
 
 
-def test_parameters_of_tested_poles_attain_what_points_attain():
+@pytest.mark.parametrize(("silent", "stable"), [({0}, {1}), (set(), set())])
+def test_parameters_of_tested_poles_or_rows_attain_what_points_attain(silent, stable):
     about = Identification(loaded("o-0"))
-    about.silent, about.stable = {0}, {1}
+    about.silent, about.stable = silent, stable
     about.problem.lower[0], about.problem.upper[0] = Fraction(-9), Fraction(9)
     points = [SimpleNamespace(x=[Fraction(1, 4)], radius=0)]
     assert about._reach(0, points) == (about.units[0] / 4,) * 2
