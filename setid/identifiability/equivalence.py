@@ -16,7 +16,11 @@ from setid.data.checks import number, parameters_of
 from setid.errors import ModelError, SetidError
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.proofs.uniqueness.normalisation import convert_ends, scaled_signals
+from setid.proofs.uniqueness.normalisation import (
+    check_restrictions,
+    convert_ends,
+    scaled_signals,
+)
 from sparsepop_py.verified.arithmetic.scalar_interval import (
     Ends,
 )
@@ -45,8 +49,8 @@ def convert(
     Raises
     ------
     ModelError
-        If there is no such vector (a quantity that is to be fixed is zero), or the
-        normalisation leaves a scale open.
+        If there is no such vector (a quantity that is to be fixed is zero, or has another value
+        that no scale changes), or the normalisation leaves a scale open.
 
     Examples
     --------
@@ -87,7 +91,8 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     Raises
     ------
     ModelError
-        If a quantity that is to be fixed may be zero.
+        If a quantity that is to be fixed may be zero, or if a fixed value of the result is more
+        than a normalisation (the signal is summed with an input, say) and would not stay.
 
     Examples
     --------
@@ -103,6 +108,7 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     model = result.formulation.model
     if not isinstance(model, BlockStructured):
         raise ModelError(f"result: found a {type(model).__name__}, expected a block structure")
+    check_restrictions(model, model.normalised(normalise))
     ends = {name: item.outer for name, item in result.intervals.items()}
     return convert_ends(model, ends, normalise)
 

@@ -54,6 +54,7 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 __all__ = [
     "LoopShift",
     "Nonzero",
+    "check_restrictions",
     "convert_ends",
     "loop_shift",
     "normalised_by",
@@ -70,6 +71,7 @@ Nonzero = ParameterBox | CellBox  # proves that what a reference sets to 1 is no
 
 _RANK = 1e-7  # of the largest singular value
 _SAMPLES = 60
+_KEPT = 1e-9  # share by which a fixed quantity may differ from the value that it has
 
 
 def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
@@ -303,10 +305,12 @@ def _scales(goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
     """The factor of each internal signal that the normalisation asks for."""
     exponents, found = _exponents(goal), dict[str, Ends]()
     asked: list[tuple[str, Ends, dict[str, int]]] = [
-        (name, quotient((value, value), full[name]), exponents[name])
+        (name, quotient((value, value), full[name]), exponents.get(name, {}))
         for name, value in goal.fixed
-        if exponents.get(name) and value
+        if value
     ]
+    for name in (name for name, value in goal.fixed if not value):
+        _check_kept(f"{name} = 0", plus((1.0, 1.0), full[name]))
     for label in goal.unit_gain:
         block = goal.linear_blocks[label]
         top = plus((1.0, 1.0), sum_of([full[n] for n in block.denominator]))
@@ -321,15 +325,17 @@ def _scales(goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
             break
         text, ratio, powers = ready[0]
         open_.remove(ready[0])
-        if not np.all(np.isfinite(ratio)):
+        unknown = [s for s in powers if s not in found]
+        if unknown and not np.all(np.isfinite(ratio)):
             raise ModelError(
                 f"normalise: found {text} that may be zero, expected a quantity that is not, so "
                 "that it can be fixed"
             )
-        unknown = [s for s in powers if s not in found]
         for signal in set(powers) - set(unknown):
             ratio = quotient(ratio, power(found[signal], powers[signal]))
-        if unknown:
+        if not unknown:
+            _check_kept(text, ratio)
+        else:
             exponent = powers[unknown[0]]
             if exponent % 2 == 0:
                 raise ModelError(
@@ -345,6 +351,53 @@ def _scales(goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
             "'dcgain', a numerator coefficient or one of a map"
         )
     return found
+
+
+def _check_kept(text: str, ratio: Ends) -> None:
+    """Refuse a condition that no scale can bring about, and that does not hold already."""
+    if not (ratio[0] <= 1.0 + _KEPT and ratio[1] >= 1.0 - _KEPT):
+        raise ModelError(
+            f"normalise: found {text}, which no scale of an internal signal brings about, expected "
+            "a quantity that such a scale changes, or the value that it has"
+        )
+
+
+def check_restrictions(model: BlockStructured, goal: BlockStructured) -> None:
+    """Refuse a goal without a condition of a model that is more than a normalisation.
+
+    Such a condition leaves systems out, and nothing is proved of these.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    goal : BlockStructured
+        The same structure with another normalisation.
+
+    Raises
+    ------
+    ModelError
+        That names the condition.
+    """
+    exponents = _exponents(model)
+    blocks = [(label, model.linear_blocks[label].numerator[0]) for label in model.unit_gain]
+    scaling = [name for name, value in model.fixed if value and exponents.get(name)]
+    scaling += [label for label, name in blocks if exponents.get(name)]
+    several = len(scaling) > len(scaled_signals(model))
+    left = [
+        name
+        for name, value in model.fixed
+        if (several or name not in scaling) and (name, value) not in goal.fixed
+    ]
+    left += [
+        f"static gain of {label}"
+        for label in model.unit_gain
+        if (several or label not in scaling) and label not in goal.unit_gain
+    ]
+    if left and not isinstance(model, Lure):
+        raise ModelError(
+            f"normalise: found none of {left[0]}, whose value is more than a normalisation of "
+            "this result, expected the same value"
+        )
 
 
 def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
