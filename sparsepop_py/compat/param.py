@@ -454,8 +454,11 @@ def _items(param: Any) -> dict[str, Any]:
 def _plain(value: Any, name: str) -> Any:
     """Convert a MATLAB value: scalars, lists for vectors, None for [] and ''."""
     value = written_out(value, f"param.{name}")
-    while isinstance(value, np.ndarray) and value.size == 1:
-        value = value.ravel()[0]
+    for _ in range(_DEEPEST):  # a scalar of MATLAB is a matrix of 1 x 1, by whatever name
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.ravel()[0]
+        elif isinstance(value, (list, tuple)) and len(value) == 1:
+            value = value[0]
     if isinstance(value, np.ndarray):
         cells = value.dtype == object
         value = [_plain(v, name) for v in value.ravel()] if cells else value.ravel().tolist()

@@ -90,6 +90,14 @@ def test_order(given: Any, order: int | None) -> None:
     assert read_parameters({"relaxOrder": value}).options.order == (order or 3)
 
 
+@pytest.mark.parametrize("wrap", [lambda v: [v], lambda v: ([v],), lambda v: np.array([[v]])])
+def test_lists_of_one_are_scalars_as_in_matlab(wrap: Any) -> None:
+    given = {name: wrap(value) for name, value in GIVEN.items()}
+    given["errorBdIdx"] = wrap(2)
+    assert read_parameters(given).options == read_parameters(GIVEN).options
+    assert read_parameters(given).errorBdIdx == 2
+
+
 @pytest.mark.parametrize(("tighten", "order"), [(1, 3), (0, 2)])
 def test_a_fraction_is_kept(tighten: int, order: int) -> None:
     parameters = read_parameters({"relaxOrder": 2.5, "tighten": tighten})
