@@ -32,7 +32,7 @@ _SMALL = 12  # variables up to which several methods are tried from each start
 _AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
 _CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
 _SAME = 1e-9  # difference from a vector near which a point was proved: another proof says no more
-_FAR = 1e12  # points as far as this are no candidates
+_FAR = 1e12  # points farther away than this and than all bounds are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
 _NEAR = 1e-5  # relative: about the best value
@@ -224,8 +224,10 @@ def _rated(
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Select the nearly feasible vectors, with their values."""
     kept = []
+    ends = np.abs([rows.given.lower, rows.given.upper])
+    far = max(_FAR, ends.max(initial=0.0, where=np.isfinite(ends)))
     for x in map(rows.point, found):
-        if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < _FAR:
+        if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) <= far:
             with np.errstate(all="ignore"):
                 value, violation = rows.given.objective(x), rows.given.violation(x)
             if np.isfinite(value) and violation <= aim.tolerance:

@@ -61,3 +61,13 @@ def test_linear_programs_follow_where_others_fail_on_curved_rows(
     monkeypatch.setattr(multistart, "local_search", lambda problem, start, *_: start)
     point, _ = best_attained(problem, [np.array([-0.3, -0.7])], Aim(1e-6))
     assert point is not None and point.value == pytest.approx(-2.0, abs=1e-4)
+
+
+def test_points_may_be_as_far_away_as_bounds() -> None:
+    """On [2^45, 2^45 + 4] x [0, 2^45] the difference x - y is at least 0, and at most 4 there."""
+    x, y = sp.variables(2)
+    far = 2.0**45
+    problem = sp.Problem(x - y, [], [far, 0.0], [far + 4.0, far])
+    point, _ = best_attained(problem, [np.array([far, far])], Aim(1e-6))
+    assert point is not None
+    assert 0.0 <= point.value <= 4.0
