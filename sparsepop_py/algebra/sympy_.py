@@ -59,6 +59,8 @@ def _converted(
         return objective, constraints
     import sympy
 
+    if isinstance(objective, sympy.Poly) and not objective.domain.is_FiniteField:
+        objective = objective.as_expr()
     given = [sympy.sympify(item) for item in parts if _is_symbolic(item)]
     if isinstance(objective, Polynomial) or any(isinstance(row, Constraint) for row in constraints):
         raise ProblemError("objective, constraints: sympy expressions and Polynomials are mixed")

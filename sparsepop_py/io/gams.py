@@ -400,7 +400,8 @@ class _Reader:
             if variable.kind == "integer" and not (isfinite(low) and isfinite(high)):
                 raise variable.statement.error(
                     f"the integer variable {variable.name!r}",
-                    "two bounds of each integer variable: it becomes a sum of binaries",
+                    "two bounds of each integer variable, smaller than 1e10 in size: it becomes "
+                    "a sum of binaries",
                 )
             if low > high or low >= INFINITE or high <= -INFINITE:
                 raise variable.statement.error(

@@ -200,7 +200,7 @@ def _check_relations(statement: _Statement, relations: list[Token]) -> None:
     if len({relation.replace("==", "=") for _, relation, _ in relations}) > 1:
         raise statement.error(
             f"{relations[0][1]!r} and {relations[1][1]!r} in one chain",
-            "the same relation twice",
+            "the same relation twice, or ';' between two constraints",
             relations[1][2],
         )
 

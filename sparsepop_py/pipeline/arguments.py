@@ -14,7 +14,7 @@ from sparsepop_py.budget import Deadline
 from sparsepop_py.errors import ProblemError, doubles, shown
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.size_limits import check_degrees
-from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.problem import Problem, check_objective
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.strategy.multi_objective import pairs
 
@@ -67,10 +67,7 @@ def check_objectives(problem: Problem, objectives: list[Polynomial], options: Op
     """Refuse what is no objective over the problem, and gaps by width without pairs."""
     check_problem(problem, options)
     for number, objective in enumerate(objectives):
-        if not isinstance(objective, Polynomial) or objective.dimension != problem.dimension:
-            raise ProblemError(
-                f"objectives[{number}]: expected a Polynomial in {problem.dimension} variables"
-            )
+        check_objective(objective, problem.dimension, f"objectives[{number}]")
     check_degrees(problem, objectives)
     if options.gap_kind == "width":
         paired = pairs(objectives)

@@ -35,7 +35,7 @@ from sparsepop_py.problem.rounding import (
 )
 from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
 
-__all__ = ["Problem", "encoding"]
+__all__ = ["Problem", "check_objective", "encoding"]
 
 Sense = Literal["min", "max"]
 
@@ -303,8 +303,7 @@ class Problem(ReadOnly):
         min -x1
           s.t. 1 - x1^2 - x2^2 >= 0
         """
-        if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
-            raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
+        check_objective(objective, self.dimension, "objective")
         self.__dict__.setdefault("_encoded", [])
         other = copy.copy(self)
         other.__dict__.clear()
@@ -452,6 +451,21 @@ def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
         f"objective: found {type(objective).__name__}, expected a Polynomial "
         "(see sparsepop_py.variables) or a sympy expression; for ratios use RationalProblem"
     )
+
+
+def check_objective(given: Any, dimension: int, place: str) -> None:
+    """Check for a polynomial in as many variables as a problem has.
+
+    Raises
+    ------
+    ProblemError
+        Naming the place.
+    """
+    if isinstance(given, Polynomial) and given.dimension == dimension:
+        return
+    known = isinstance(given, Polynomial)
+    found = f"a Polynomial in {given.dimension} variables" if known else shown(given)
+    raise ProblemError(f"{place}: found {found}, expected a Polynomial in {dimension} variables")
 
 
 def _check_constraint(number: int, row: Any, n: int) -> None:

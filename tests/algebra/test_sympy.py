@@ -167,3 +167,11 @@ def test_symbols_that_are_not_real_are_refused():
     z = sympy.Symbol("z", imaginary=True)
     with pytest.raises(ProblemError, match="found the symbols z, which are not real"):
         Problem(z**2, [], -1, 1)
+
+
+def test_a_sympy_poly_is_an_objective():
+    for domain in (sympy.QQ, sympy.RR):
+        poly = sympy.Poly(A**2 - A / 3, A, domain=domain)
+        assert read(Problem(poly).objective) == {(2,): 1.0, (1,): -1 / 3}
+    with pytest.raises(ProblemError, match="objective: found Poly.*modulus=3.*expected a poly"):
+        Problem(sympy.Poly(A, modulus=3))

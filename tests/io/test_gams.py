@@ -334,7 +334,10 @@ def test_quoted_explanations_and_lines_as_separators(read) -> None:
         (file("e1.. x =E= 1; e2.. y =G= 0;"), "'objvar' in no equation"),
         (file("e1.. x =E= 1; e2.. y =G= 0;", "x,y"), "no variable 'objvar'"),
         (file("e1.. objvar =E= 1; e2.. objvar =G= 0;", "objvar"), "no variable but the objective"),
-        (file("e1.. objvar =E= x; e2.. y =G= 0; Integer Variables x;"), "integer variable 'x'"),
+        (
+            file("e1.. objvar =E= x; e2.. y =G= 0; Integer Variables x;"),
+            "integer variable 'x', expected two bounds of each integer variable, smaller than 1e10",
+        ),
         (file("e1.. objvar =E= x; e2.. y =G= 0; Binary Variables objvar;"), "as objective"),
         (file("SOS1 Variables x;"), "'SOS1' variables"),
         (file("Positive Variables x; Negative Variables x;"), "which is positive already"),

@@ -65,7 +65,7 @@ def test_expressions(text: str, expected: dict[tuple[int, ...], float]) -> None:
         ("min x1; x1 < 2", "found '<', expected one of >="),
         ("min x1; x1 != 2", "found '!='"),
         ("min x1; >= 2", "nothing on one side"),
-        ("min x1; 0 <= x1 >= -1", "in one chain"),
+        ("min x1; 0 <= x1 >= -1", "in one chain, expected the same relation twice, or ';' between"),
         ("min x1; 0 <= x1 <= 1 <= 2", "3 relations, expected at most two"),
         ("min x1; s.t.", "nothing after the keyword"),
         ("min x1 >= 2", "found '>='"),

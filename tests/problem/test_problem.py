@@ -405,3 +405,16 @@ def test_constraints_alike_up_to_their_sign_are_known():
     assert Problem(x, [p >= 0, p >= 0, q >= 0, 2 * q <= 0]).equations.tolist() == []
     assert Problem(x, [q <= 0, q >= 0]).with_objective(y).equations.tolist() == [0]
     assert Problem(x).equations.tolist() == Problem(x).first_alike.tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [(3, "3"), ("x", "'x'"), (sp.variables(3)[2], "a Polynomial in 3 variables")],
+)
+def test_other_objectives_are_named(given, found):
+    problem = sp.Problem(sp.variables(2)[0], lower=0)
+    expected = f"found {found}, expected a Polynomial in 2 variables"
+    with pytest.raises(sp.ProblemError, match=f"^objective: {expected}"):
+        problem.with_objective(given)
+    with pytest.raises(sp.ProblemError, match=rf"^objectives\[1\]: {expected}"):
+        sp.solve_each(problem, [problem.objective, given])
