@@ -112,7 +112,8 @@ _FILES = tuple(
         (
             *("sdpaDataFile", ""),
             "Writes the SDP in SDPA sparse format, and a `.info` file that maps variables.",
-            "The same, of the SDP that was solved; `.info` is complete with `tighten = 0`.",
+            "The same, of the SDP that was solved; `.info` is complete with `tighten = 0`. "
+            "Where no SDP was needed, a warning says that there is no file.",
             "test_the_sdpa_file_has_the_value_of_the_sdp",
         ),
         (

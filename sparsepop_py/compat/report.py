@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from sparsepop_py.compat.output import POPOutput, SparsePOPOutput
 from sparsepop_py.compat.param import Parameters
 from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.compat.sdp_sizes import BuiltSDP
-from sparsepop_py.errors import OutputError, check_writable
+from sparsepop_py.errors import OutputError, ParameterWarning, check_writable
 from sparsepop_py.io.sdpa import write_info, write_sdpa
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
@@ -173,7 +174,15 @@ def write_files(
     output: SparsePOPOutput, source: Any, parameters: Parameters, built: BuiltSDP | None
 ) -> None:
     """Write the files that the parameters ask for; reports and logs are appended."""
-    if parameters.sdpaDataFile and built is not None:
+    if parameters.sdpaDataFile and built is None:
+        hint = ": tighten = 0 gives the plain relaxation" if parameters.tighten else ""
+        warnings.warn(
+            f"param.sdpaDataFile: {parameters.sdpaDataFile} was not written, since no SDP was "
+            f"needed{hint}",
+            ParameterWarning,
+            stacklevel=3,
+        )
+    elif parameters.sdpaDataFile:
         path = Path(parameters.sdpaDataFile)
         write_sdpa(built.program, path, "SDP relaxation")
         write_info(path.with_suffix(".info"), *built.map())

@@ -146,8 +146,8 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     """
     lines = read_text(path, "replace").splitlines()
     reader = _Lines(str(path), lines)
-    m, _ = reader.whole("mDIM"), reader.whole("nBLOCK")
-    sizes = [int(v) for v in reader.numbers(_, "bLOCKsTRUCT", whole=True)]
+    m, blocks = reader.whole("mDIM", 0), reader.whole("nBLOCK", 1)
+    sizes = [int(v) for v in reader.numbers(blocks, "bLOCKsTRUCT", whole=True)]
     if any(size == 0 for size in sizes):
         reader.fail("found a block of size 0, expected other sizes")
     if sum(size * (size + 1) // 2 if size > 0 else -size for size in sizes) > _MOST_ROWS:
@@ -191,11 +191,11 @@ class _Lines:
                 return line
         raise FormatError(f"{self.path}: the file ends where {what} was expected")
 
-    def whole(self, what: str) -> int:
+    def whole(self, what: str, least: int) -> int:
         found = _NUMBER.search(self.next(what))
-        value = _value(found.group()) if found else 0.0
-        if not value.is_integer() or value < 1:
-            self.fail(f"expected {what}, a positive integer")
+        value = _value(found.group()) if found else -1.0
+        if not value.is_integer() or value < least:
+            self.fail(f"expected {what}, an integer of at least {least}")
         return int(value)
 
     def numbers(self, count: int, what: str, whole: bool = False) -> list[float]:
@@ -206,6 +206,8 @@ class _Lines:
                 if not _NUMBER.fullmatch(field):
                     self.fail(f"found {field!r}, expected {what}, {count} numbers")
                 found.append(_value(field))
+            if not np.all(np.isfinite(found)):
+                self.fail(f"expected {what}, finite numbers")
             if whole and any(not value.is_integer() for value in found):
                 self.fail(f"expected {what}, integers")
         return found[:count]

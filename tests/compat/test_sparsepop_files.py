@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+import warnings
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,31 @@ def test_fixed_variables_have_no_moment_in_the_map(tmp_path: pathlib.Path) -> No
     lines = path.with_suffix(".info").read_text().splitlines()
     assert lines[0].split()[0] == "1"
     assert lines[1].split() == ["-1", "0.0", "2.0"]
+
+
+def test_an_sdpa_file_that_is_not_written_is_said(tmp_path: pathlib.Path) -> None:
+    """The least x - y on [0, 1]^2 is -1, at a vertex: presolve closes the gap."""
+    x, y = sp.variables(2)
+    corner = sp.Problem(x - y, lower=0, upper=1)
+    path = tmp_path / "a.dat-s"
+    for tighten, written in ((1, False), (0, True)):
+        param = {**QUIET, "tighten": tighten, "sdpaDataFile": str(path)}
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            assert sp.sparsePOP(corner, param).POP.upperBound == -1
+        said = [str(warning.message) for warning in seen]
+        assert path.exists() == written
+        hint = "was not written, since no SDP was needed: tighten = 0 gives the plain relaxation"
+        assert said == ([] if written else [f"param.sdpaDataFile: {path} {hint}"])
+
+
+def test_a_program_without_variables_is_read_again(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "a.dat-s"
+    param = {**QUIET, "tighten": 0, "sdpaDataFile": str(path)}
+    value = sp.sparsePOP(sp.Problem(sp.variables(1)[0], [], 1, 1), param).SDPobjValue
+    program = sp.read_sdpa(path)
+    assert program.q.size == 0
+    assert program.offset == pytest.approx(1) == value
 
 
 def test_the_printed_file(tmp_path: pathlib.Path, capsys: Any) -> None:

@@ -316,7 +316,9 @@ def test_diagonal_blocks(tmp_path: pathlib.Path) -> None:
     ("text", "message"),
     [
         ("", r"the file ends where mDIM was expected"),
-        ("x\n", r":1: expected mDIM, a positive integer"),
+        ("x\n", r":1: expected mDIM, an integer of at least 0"),
+        ("1\n0\n", r":2: expected nBLOCK, an integer of at least 1"),
+        ("1\n1\n-1\n1e400\n", r":4: expected the objective, finite numbers"),
         ("2\n1\n", r"ends where bLOCKsTRUCT was expected"),
         ("1\n1\n0\n1\n", r"found a block of size 0"),
         ("1\n1\n1.5\n1\n", r"expected bLOCKsTRUCT, integers"),

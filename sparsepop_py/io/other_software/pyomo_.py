@@ -111,7 +111,10 @@ def read_pyomo(model: Any) -> PyomoModel:
     rows = list(model.component_data_objects(environ.Constraint, active=True, sort=True))
     used = _used(model, [objective, *rows], environ)
     if not used:
-        raise ProblemError(f"{model.name}: found no variable that is not fixed, expected one")
+        raise ProblemError(
+            f"{model.name}: found no variable that is not fixed in the objective or an active "
+            "constraint, expected one"
+        )
     _check_domains(used)
     x = variables(len(used), [variable.name for variable in used])
     walk = _reader({id(variable): p for variable, p in zip(used, x, strict=True)}, environ)
