@@ -163,6 +163,7 @@ Expression = TypeVar("Expression", Polynomial, Rational, Polynomial | Rational)
 
 _NAME = r"[A-Za-z]\w*"
 _NAMED = re.compile(rf"\s*({_NAME})\s*(?:'[^']*'|\"[^\"]*\")?\s*")
+_PIECE = re.compile(r"""(?:'[^'\n]*'|"[^"\n]*"|[^,\n])+""")  # commas may stand in quotes
 _RELATION = re.compile(r"=\s*([A-Za-z])\s*=")
 _DIRECTION = re.compile(rf"\b(mini|maxi)mi[sz]ing\s+({_NAME})", re.IGNORECASE)
 _KINDS = ("free", "positive", "negative", "binary", "integer")
@@ -533,7 +534,7 @@ class _Reader:
 def _names(statement: Statement, start: int) -> Iterator[tuple[str, int]]:
     """Names of a list, between commas or ends of lines, with their positions."""
     found = False
-    for piece in re.finditer(r"[^,\n]+", statement.text[start:]):
+    for piece in _PIECE.finditer(statement.text[start:]):
         if not piece.group().strip():
             continue
         position = start + piece.start()

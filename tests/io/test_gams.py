@@ -544,3 +544,14 @@ def test_options_that_take_bounds_back_are_refused(read, option: str) -> None:
     with pytest.raises(FormatError, match=r"case.gms:4: .* expected only options that leave"):
         read(f"{text}{option};\nSolve m using NLP minimizing objvar;")
     assert read(f"{text}option limrow=0;\nSolve m using NLP minimizing objvar;").lower[0] == 2
+
+
+def test_commas_in_quotes_part_no_names(tmp_path: Path) -> None:
+    path = tmp_path / "case.gms"
+    text = "Variables x 'tons, a day', objvar \"cost, all\"; Equations e 'one, two'; x.lo = 2;"
+    path.write_text(f"{text} e.. objvar =E= x;")
+    problem = read_gms(path)
+    assert problem.names == ("x",)
+    path.write_text("Variables x ' , objvar; Equations e; e.. objvar =E= x;")
+    with pytest.raises(sp.FormatError, match='found "x \'", expected a name'):
+        read_gms(path)
