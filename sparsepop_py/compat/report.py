@@ -174,7 +174,11 @@ def write_files(
     output: SparsePOPOutput, source: Any, parameters: Parameters, built: BuiltSDP | None
 ) -> None:
     """Write the files that the parameters ask for; reports and logs are appended."""
-    if parameters.sdpaDataFile and built is None:
+    if parameters.sdpaDataFile and built is not None:
+        path = Path(parameters.sdpaDataFile)
+        write_sdpa(built.program, path, "SDP relaxation")
+        write_info(path.with_suffix(".info"), *built.map())
+    elif parameters.sdpaDataFile:
         hint = ": tighten = 0 gives the plain relaxation" if parameters.tighten else ""
         warnings.warn(
             f"param.sdpaDataFile: {parameters.sdpaDataFile} was not written, since no SDP was "
@@ -182,10 +186,6 @@ def write_files(
             ParameterWarning,
             stacklevel=3,
         )
-    elif parameters.sdpaDataFile:
-        path = Path(parameters.sdpaDataFile)
-        write_sdpa(built.program, path, "SDP relaxation")
-        write_info(path.with_suffix(".info"), *built.map())
     if isinstance(parameters.printFileName, str) and parameters.printLevel[1]:
         _append(parameters.printFileName, report(output, source, parameters.printLevel[1]))
     if parameters.detailedInfFile:
