@@ -18,7 +18,7 @@ import sparsepop_py as sp
 from setid.formulation.completion import defined_unknowns, held_unknowns, polished
 from setid.formulation.formulation import Formulation
 from setid.formulation.lifting import LIFTED
-from setid.formulation.units import in_units
+from setid.formulation.units import in_fine_units
 from setid.proofs.existence import proved_point, solved_rows
 from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
@@ -67,7 +67,7 @@ def search_ends(
     list of sp.ProvedPoint
         Fewer than 2 p where a search or a proof failed.
     """
-    scaled = in_units(problem, formulation, coarse=1)
+    scaled = in_fine_units(problem, formulation)
     inner = replace(formulation, problem=scaled.problem)
     least = _least_noise(formulation, problem, start, scaled.units)
     inside = _polished(inner, least / scaled.units)

@@ -16,7 +16,7 @@ from sparsepop_py.problem import units
 from sparsepop_py.problem.units import InUnits
 from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
 
-__all__ = ["InUnits", "coupled_rows", "in_units", "sizes_of"]
+__all__ = ["InUnits", "coupled_rows", "in_fine_units", "in_units", "sizes_of"]
 
 
 def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
@@ -36,7 +36,7 @@ def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
     return frozen(found)
 
 
-def in_units(problem: sp.Problem, formulation: Formulation, coarse: int = units.COARSE) -> InUnits:
+def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     """State the same problem with signals, parameters and rows neither tiny nor huge.
 
     Parameters
@@ -44,8 +44,6 @@ def in_units(problem: sp.Problem, formulation: Formulation, coarse: int = units.
     problem : sparsepop_py.Problem
         That of the formulation, with other bounds, rows and perhaps more unknowns.
     formulation : Formulation
-    coarse : int
-        As of :func:`sparsepop_py.problem.units.in_units`.
 
     Returns
     -------
@@ -63,15 +61,54 @@ def in_units(problem: sp.Problem, formulation: Formulation, coarse: int = units.
     >>> bool(abs(scaled.problem.upper[2:] - 5e-10 * 2.0**32).max() == 0)
     True
     """
-    sizes, numbers = sizes_of(formulation).copy(), formulation.layout.group(LIFTED)
+    numbers = formulation.layout.group(LIFTED).tolist()
+    defined = list(zip(numbers, range(len(problem.constraints)), strict=False))
+    return units.in_units(problem, _with_defined(problem, formulation, defined))
+
+
+def in_fine_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
+    """State the same problem in units within a factor of two of the sizes of its unknowns.
+
+    Unknowns without bounds, such as powers of internal signals, have the size of what their
+    definition says.
+
+    Parameters
+    ----------
+    problem : sparsepop_py.Problem
+        That of the formulation, with other bounds.
+    formulation : Formulation
+
+    Returns
+    -------
+    InUnits
+        As of :func:`in_units`. Where units are used to prove something, those of that function
+        are meant: results are stored in them.
+    """
+    groups, rows = formulation.layout.groups, formulation.rows
+    open_ = ~(np.isfinite(problem.lower) & np.isfinite(problem.upper))
+    defined = []
+    for row, name in enumerate(rows.equation):
+        if name in groups:
+            support = problem.constraints[row].polynomial.support
+            own = support[open_[support] & np.isin(support, groups[name])].tolist()
+            defined += [(number, row) for number in own[:1]]
+    return units.in_units(problem, _with_defined(problem, formulation, defined), coarse=1)
+
+
+def _with_defined(
+    problem: sp.Problem, formulation: Formulation, defined: list[tuple[int, int]]
+) -> NDArray[np.float64]:
+    """Compute sizes (n,) of noise, and of unknowns that rows define, each by its row in turn."""
+    sizes = sizes_of(formulation).copy()
     largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
-    for number, row in zip(numbers.tolist(), problem.constraints, strict=False):
-        words, values = row.polynomial.words, np.abs(row.polynomial.coefficients)
-        own = np.all(words != number + 1, axis=1)  # the sum of its definition
+    for number, row in defined:
+        polynomial = problem.constraints[row].polynomial
+        words, values = polynomial.words, np.abs(polynomial.coefficients)
+        own = np.all(words != number + 1, axis=1)  # the terms that define it
         with np.errstate(invalid="ignore"):
             sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
         largest[number + 1] = sizes[number]
-    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0), coarse)
+    return np.where(np.isfinite(sizes), sizes, 0.0)
 
 
 def coupled_rows(formulation: Formulation) -> CoupledRows:

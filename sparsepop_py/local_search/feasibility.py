@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import LimitReached, before_check, check
+from sparsepop_py.local_search.own_units import in_own_units
 from sparsepop_py.lp.highs import solve_lp
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.units import InUnits
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_point
 
 __all__ = ["prove_feasible"]
@@ -71,12 +73,13 @@ def _proved(problem: Problem, vector: bytes) -> ProvedPoint | None:
     goal += _WORSE * (1.0 + abs(goal))
     best: ProvedPoint | None = None
     tried: set[bytes] = set()
-    for candidate, pulled in _candidates(problem, x):
+    scaled = in_own_units(problem)
+    for candidate, pulled in _candidates(scaled.problem, x / scaled.units):
         check()
         if candidate.tobytes() in tried:
             continue
         tried.add(candidate.tobytes())
-        proved = _first_proof(problem, candidate)
+        proved = _first_proof(problem, scaled, candidate)
         if proved is None:
             continue
         if best is not None or pulled or proved.value <= goal:
@@ -85,9 +88,12 @@ def _proved(problem: Problem, vector: bytes) -> ProvedPoint | None:
     return best
 
 
-def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoint | None:
-    for rows, solved, proof in _plans(problem, candidate):
-        proved = prove_point(problem, candidate, rows, solved, proof)
+def _first_proof(
+    problem: Problem, scaled: InUnits, candidate: NDArray[np.float64]
+) -> ProvedPoint | None:
+    """Prove a point of a problem by the plans for it in other units."""
+    for rows, solved, proof in _plans(scaled.problem, candidate):
+        proved = prove_point(problem, candidate * scaled.units, rows, solved, proof)
         if proved is not None:
             return proved
     return None

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.matrix_rows import RowForm
+from sparsepop_py.local_search.own_units import in_own_units, largest_violation
 from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.local_search.solvers import DENSE_LIMIT, local_search
 from sparsepop_py.problem.problem import Problem
@@ -146,7 +147,7 @@ def _tries(
     failed = True
 
     def feasible(x: NDArray[Any]) -> bool:
-        return bool(rows.given.violation(rows.point(x)) <= tolerance)
+        return largest_violation(rows.given, rows.point(x)) <= tolerance
 
     # vertices of linear programs satisfy equations better, and their existence is proved sooner
     first = small and branch is problem and not (bilinear and bool(problem.equality.any()))
@@ -168,8 +169,9 @@ def _tries(
         yield x
     curved = corners and bool(problem.constraints) and not rows.factored and not bilinear
     if method is None and ((small and bilinear) or (failed and curved)):
-        free = problem.sharpened  # nothing held
-        yield sequential_search(free, start, end=end, creeping=creeping)
+        free = in_own_units(problem.sharpened)  # nothing held
+        x = sequential_search(free.problem, start / free.units, end=end, creeping=creeping)
+        yield free.units * x
 
 
 @dataclass(frozen=True)
@@ -229,7 +231,7 @@ def _rated(
     for x in map(rows.point, found):
         if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) <= far:
             with np.errstate(all="ignore"):
-                value, violation = rows.given.objective(x), rows.given.violation(x)
+                value, violation = rows.given.objective(x), largest_violation(rows.given, x)
             if np.isfinite(value) and violation <= aim.tolerance:
                 kept.append((value, x))
     return kept

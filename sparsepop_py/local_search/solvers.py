@@ -20,6 +20,7 @@ from sparsepop_py.budget import spend
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.executors.threads import silent
 from sparsepop_py.local_search.newton_descent import newton_polish, zeros_of_squares
+from sparsepop_py.local_search.own_units import in_own_units
 from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
@@ -62,7 +63,17 @@ def local_search(
     SolverNotFound
         If ``method`` is "ipopt" and casadi is not installed.
     """
-    problem = problem.sharpened
+    scaled = in_own_units(problem.sharpened)
+    return scaled.units * _searched(scaled.problem, start / scaled.units, method, end, creeping)
+
+
+def _searched(
+    problem: Problem,
+    start: NDArray[np.float64],
+    method: str | None,
+    end: float,
+    creeping: float,
+) -> NDArray[np.float64]:
     start = np.clip(start, problem.lower, problem.upper)
     with silent(), np.errstate(all="ignore"):
         if method == "ipopt":

@@ -18,7 +18,7 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import frozen
 
-__all__ = ["COARSE", "InUnits", "in_units"]
+__all__ = ["COARSE", "InUnits", "in_units", "with_units"]
 
 Reals = NDArray[np.float64]
 _MOST_POWER = 1023  # of two, among doubles
@@ -77,7 +77,34 @@ def in_units(
     >>> in_units(large).units.tolist()
     [65536.0, 1.0]
     """
-    units = _units(problem, sizes, coarse)
+    return with_units(problem, _units(problem, sizes, coarse), coarse)
+
+
+def with_units(problem: Problem, units: Reals, coarse: int = 1) -> InUnits:
+    """State the same problem in given units.
+
+    Parameters
+    ----------
+    problem : Problem
+    units : (n,) float
+        Powers of two.
+    coarse : int
+        Rows are divided by a power of two near their largest coefficient, a multiple of this.
+
+    Returns
+    -------
+    InUnits
+        With all units one where these would not be exact.
+
+    Examples
+    --------
+    >>> import numpy as np, sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> tiny = sp.Problem(x + y, [x**2 - y == 0], [-1e-3, 0], [1e-3, 1e-6])
+    >>> scaled = with_units(tiny, np.array([2.0**-10, 2.0**-20]))
+    >>> print(scaled.problem.constraints[0].polynomial)
+    -0.5*x2 + 0.5*x1^2
+    """
     with np.errstate(all="ignore"):
         lower, upper = problem.lower / units, problem.upper / units
         restated = [_restated(row.polynomial, units) for row in problem.constraints]
