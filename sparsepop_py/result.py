@@ -430,10 +430,11 @@ def _listed(words: list[str]) -> str:
 
 def claims_of(result: Any, message: str) -> list[str]:
     """List problem, status, bounds and point of a result, a line each."""
+    proved = "proved" if result.lower_bound > -np.inf else "nothing proved"
     lines = [
         repr(result.problem)[1:-1],
         f"status        {result.status}: {message}",
-        f"lower bound   {rounded(result.lower_bound, False, 11)}  proved",
+        f"lower bound   {rounded(result.lower_bound, False, 11)}  {proved}",
         f"upper bound   {rounded(result.upper_bound, True, 11)}  "
         + ("attained" if result.attained else "no attained point"),
         f"gap           {rounded(result.gap, True, 3)}",

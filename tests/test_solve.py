@@ -368,3 +368,14 @@ def test_a_corner_of_a_huge_box_is_attained(size):
     result = check(problem, sp.solve(problem, sp.Options(time_limit=60.0)), 0.0)
     assert result.status is sp.Status.OPTIMAL
     assert result.upper_bound == 0.0
+
+
+def test_no_summary_calls_minus_infinity_proved() -> None:
+    """On x1 x2 = 1 the variable x2 has no bounds, so that this order proves nothing."""
+    x1, x2 = sp.variables(2)
+    rows = [x1**2 <= 1, x1 * x2 == 1]
+    unbounded = sp.solve(sp.Problem(x1**2 * x2, rows))
+    assert unbounded.lower_bound == -INF
+    assert "lower bound   -inf  nothing proved" in unbounded.summary()
+    bounded = sp.solve(sp.Problem(x1**2 * x2, rows, lower=-10, upper=10))
+    assert "nothing proved" not in bounded.summary()

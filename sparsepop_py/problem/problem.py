@@ -60,9 +60,9 @@ class Problem(ReadOnly):
         Expanding hides this form, and with it a box for the variables:
         ``weight * r(x)^2 <= f(x) - constant``. The identity is checked exactly.
     sense : {"min", "max"}
-        A memo for readers and writers of files: ``"max"`` says that the problem was
-        given as a maximisation, and that ``objective`` is the negative of what was
-        given. Bounds always refer to ``objective``.
+        A memo for readers and writers of files. It does not change what is solved:
+        ``objective`` is minimised, and bounds refer to it. ``"max"`` says that it is the
+        negative of what was to be maximised. To maximise f write ``Problem(-f, rows)``.
 
     Raises
     ------

@@ -94,7 +94,7 @@ class RationalProblem(ReadOnly):
         Simple bounds, -inf and +inf where there are none.
     names : sequence of str, optional
     sense : {"min", "max"}
-        A memo as for :class:`sparsepop_py.Problem`.
+        A memo as for :class:`sparsepop_py.Problem`: the objective is minimised.
 
     Raises
     ------

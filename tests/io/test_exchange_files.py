@@ -258,6 +258,13 @@ def test_files_and_values_that_are_no_json(tmp_path: pathlib.Path) -> None:
         sp.to_json(7)
 
 
+def test_values_that_write_themselves_are_sent_to_their_own_method() -> None:
+    """Identifications of setid have ``to_json``; its name alone counts here."""
+    identification: Any = SimpleNamespace(to_json=str)
+    with pytest.raises(ProblemError, match=r"or Result \(this object has a method to_json of its"):
+        sp.to_json(identification)
+
+
 # ---- SDPA ------------------------------------------------------------------------------------
 
 

@@ -67,8 +67,9 @@ def to_json(value: Value) -> str:
         if isinstance(value, kind):
             found = {"format": _FORMAT, "version": _VERSION, "is": name, name: codec.write(value)}
             return json.dumps(found, allow_nan=False, separators=(",", ":"))
+    own = " (this object has a method to_json of its own)" if hasattr(value, "to_json") else ""
     raise ProblemError(
-        f"to_json: found {type(value).__name__}, expected a Problem, Certificate or Result"
+        f"to_json: found {type(value).__name__}, expected a Problem, Certificate or Result{own}"
     )
 
 
