@@ -342,8 +342,8 @@ def conflict(samples: tuple[tuple[int, int], ...], formulation: Formulation) -> 
     every = len(formulation.rows.samples)
     if len(samples) == every > _FEW:
         return (
-            f"the equations of all {every} samples that have one contradict each other "
-            "together: no part of them was found"
+            f"the equations of {every} samples, all that there are, contradict each other "
+            "together; no smaller group was found"
         )
     return (
         f"samples that contradict each other: {samples_listed(samples, formulation.data.records)}"

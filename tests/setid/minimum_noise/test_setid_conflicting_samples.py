@@ -169,6 +169,6 @@ def test_a_whole_record_is_not_listed_as_its_samples() -> None:
     known = setid.formulate(setid.IOData(u, u), setid.TransferFunction(1, 1), setid.Noise(output=1))
     every = tuple((1, k) for k in range(1, 15))  # the first sample has no row
     assert conflict(every, known).startswith(
-        "the equations of all 14 samples that have one contradict"
+        "the equations of 14 samples, all that there are, contradict"
     )
     assert conflict(every[:2], known) == "samples that contradict each other: 1, 2"
