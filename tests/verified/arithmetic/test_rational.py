@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from sparsepop_py.verified.arithmetic.rational import solve_matrix
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py.verified.arithmetic.rational import solve_matrix, solve_rationally
 
 
 def rationals(*lines: tuple[int, ...]) -> list[list[Fraction]]:
@@ -24,3 +27,36 @@ def test_several_right_sides_give_the_inverse():
 
 def test_singular_systems_have_no_solution():
     assert solve_matrix(rationals((1, 2), (2, 4)), rationals((1,), (2,))) is None
+
+
+ROWS = {
+    "one after the other": (lambda x, y, z: [2 * x * z == 1, x + 3 * y == z], True),
+    "together": (lambda x, y, z: [x + y == 2 * z, x - y == 1 - z + z**2], True),
+    "a product": (lambda x, y, z: [x * y == z, x == 2], False),
+    "a square": (lambda x, y, z: [x * x == z, x + y == 2], False),
+    "the same twice": (lambda x, y, z: [x + y == 1, 2 * x + 2 * y == 2], False),
+    "a contradiction": (lambda x, y, z: [x == 1, x == 2], False),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_rows_are_solved_for_two_unknowns_where_they_are_linear_and_regular(name):
+    """At z = 1/2; the solutions satisfy the rows, term by term."""
+    rows, solvable = ROWS[name]
+    x = sp.variables(3)
+    problem = sp.Problem(x[0], rows(*x))
+    system = problem.rows.take(range(2))
+    found = solve_rationally(system, [Fraction(7), Fraction(9), Fraction(1, 2)], [0, 1])
+    assert (found is not None) == solvable
+    if found is None:
+        return
+    values = [*(found[v] for v in (0, 1)), Fraction(1, 2)]
+    for row in problem.constraints:
+        terms = zip(row.polynomial.words.tolist(), row.polynomial.coefficients, strict=True)
+        total = Fraction(0)
+        for word, c in terms:
+            term = Fraction(c)
+            for letter in word:
+                term *= values[letter - 1] if letter else 1
+            total += term
+        assert total == 0

@@ -244,6 +244,22 @@ def test_false_certificates_are_refused(change, reason):
     assert not verdict.ok and reason in verdict.reason
 
 
+def test_each_denominator_has_a_range_of_its_own():
+    """3 <= x + 2 <= 4 and 1/4 <= y - 7/4 <= 1/2 on [1, 2] x [2, 9/4]."""
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(1 / (x + 2) + 1 / (y - 1.75), lower=[1, 2], upper=[2, 2.25])
+    wide, narrow = (
+        RangeProof(1, by_intervals(problem.base, q, low))
+        for q, low in ((x + 2, 2.5), (y - 1.75, 0.125))
+    )
+    found = RationalCertificate(problem.fingerprint, -INF, (wide, narrow))
+    assert [size.least for size in found.proved_ranges(problem)] == [2.5, 0.125]
+    for ranges in ((wide, wide), (narrow, narrow), (narrow, wide)):
+        assert isinstance(replace(found, ranges=ranges).proved_ranges(problem), str)
+    level = replace(found, bound=0.0, level=0.0, certificate=wide.below)
+    assert "level does not fit" in level.verify(problem).reason
+
+
 def test_a_polynomial_problem_has_another_kind_of_certificate():
     problem, proof = by_hand()
     assert not proof.verify(problem.base).ok
