@@ -13,6 +13,7 @@ from setid.proofs.uniqueness.exact_rank import _PRIME, _null_space, moved_parame
 from sparsepop_py.budget import LimitReached
 
 SHAPE = setid.TransferFunction(1, 1, 1)
+TWO_SCALES = {"b1", "gamma[w]1", "gamma[w]2", "gamma[y1]1", "gamma[y1]2"}  # b1 has both
 
 
 @pytest.mark.parametrize(
@@ -25,6 +26,8 @@ SHAPE = setid.TransferFunction(1, 1, 1)
         (setid.Wiener(SHAPE, 3, normalise="b1"), set()),
         (setid.Lure(SHAPE, 2), {"a1", "gamma1"}),  # a shift, which no scale is
         (setid.Lure(SHAPE, 2, normalise={"gamma1": 0.0}), set()),
+        (setid.Lure(SHAPE, 2, normalise="dcgain"), set()),  # a shift changes the static gain
+        (setid.HammersteinWiener(SHAPE, 2, 2), TWO_SCALES),
     ],
 )
 def test_freedom_that_is_known_by_hand(model: Any, moved: set[str]) -> None:

@@ -13,8 +13,16 @@ import setid
 from setid.minimum_noise.denominators import least_output_noise
 from setid.models.lti import Form
 from setid.proofs.denominators.cones import first_cones, split_cone
-from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, _inverse
-from setid.proofs.denominators.output_rows import output_rows
+from setid.proofs.denominators.denominator_cells import (
+    Cell,
+    DenominatorCells,
+    VaryingLeaf,
+    _inverse,
+    correction_bounds,
+    is_refuted,
+    multiplied_readings,
+)
+from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from sparsepop_py.budget import Deadline
 
 STATIC = setid.TransferFunction(na=0, nb=1)
@@ -143,6 +151,70 @@ def test_multipliers_off_the_columns_cost_what_they_are_off() -> None:
     claim = by_one([-2.0, 1.0 - off])
     assert claim.verify(stated(data, STATIC, 1.0 - 2.0 * off))
     assert not claim.verify(stated(data, STATIC, 1.0 - 1.0 * off))
+
+
+def test_corrections_are_exact_ones_and_rounding_at_most() -> None:
+    """Two columns: the correction c at two samples solves known[free]' c = -known' lambda."""
+    known = np.array([[1.0, 4.0], [0.0, 2.0], [3.0, 1.0], [1.0, 1.0]])
+    rows = OutputRows(0, np.ones(4, bool), np.zeros(4), np.ones(4), known, False)
+    multiplier = np.array([[0.0, 0.0, 0.1, -0.3]])
+    found = correction_bounds(rows, np.array([0, 1]), multiplier)
+    third, last = (Fraction(v) for v in multiplier[0, 2:].tolist())
+    first = -(3 * third + last)  # 1 c0 + 0 c1, and 4 c0 + 2 c1
+    second = (-(third + last) - 4 * first) / 2
+    assert found is not None and found[0, 2:].tolist() == [0.0, 0.0]
+    for bound, value in zip(found[0, :2].tolist(), (first, second), strict=True):
+        assert abs(value) <= Fraction(bound) <= abs(value) + Fraction(1, 10**8)
+    ones = rows._replace(known=np.ones((4, 1)))
+    cancel = np.array([[0.0, 0.1, 0.2, -(0.1 + 0.2)]])  # the sum is 0 in doubles, and not in truth
+    found = correction_bounds(ones, np.array([0]), cancel)
+    truth = sum((Fraction(v) for v in cancel[0].tolist()), Fraction(0))
+    assert found is not None and truth != 0 and Fraction(float(found[0, 0])) >= abs(truth)
+    assert correction_bounds(ones._replace(row=np.arange(4) > 0), np.array([0]), cancel) is None
+
+
+def test_what_is_lost_counts_for_each_coefficient() -> None:
+    """y(k) + a y(k - 1) for a = -1, 1 with a multiplier that is off by d at the first row."""
+    data = setid.IOData([1.0, 2.0, 2.0], [0.0, 0.0, 3.0])
+    rows = output_rows(stated(data, STATIC, 1.0), 0)
+    assert rows is not None
+    rows = rows._replace(order=1, y=np.array([8.0, 0.0, 3.0]))
+    multipliers, corrections = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.25, 0.0]])
+    lost = multiplied_readings(rows, multipliers, corrections)[1]
+    assert lost[0].tolist() == pytest.approx([0.25 * 1.0, 0.25 * 9.0])  # noise 1; 8 and noise 1
+    cone = np.array([[0, 1]])
+    rows = rows._replace(bound=np.zeros(3), y=np.array([8.0, 3.0, 0.0]))
+    for size, refuted in ((0.25, True), (0.5, False)):  # 3 against 8 times the size
+        off = np.array([[0.0, size, 0.0]])
+        assert is_refuted(rows, multipliers, off, cone, np.ones(1)) == refuted
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        Cell(used=(0, 0), shares=(1.0,)),
+        Cell(used=(-1,), shares=(1.0,)),
+        Cell(used=(1,), shares=(1.0,)),
+        Cell(),
+        VaryingLeaf(((0,),), (1.0,), (0,)),
+    ],
+    ids=str,
+)
+def test_leaves_have_a_share_for_each_multiplier(cell: Cell | VaryingLeaf) -> None:
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    known = stated(data, STATIC, 0.9)
+    assert by_one([-2.0, 1.0]).verify(known)
+    claim = replace(by_one([-2.0, 1.0]), cells=(cell,))
+    assert not claim.verify(known)
+
+
+def test_claims_are_about_an_output_that_has_rows() -> None:
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    claim = by_one([-2.0, 1.0])
+    for output in (-1, 1):
+        assert not replace(claim, output=output).verify(stated(data, STATIC, 0.9))
+    noise = setid.Noise(output=0.9, input=0.1)
+    assert not claim.verify(setid.formulate(data, STATIC, noise))
 
 
 def test_tiny_multipliers_whose_products_lose_their_digits_prove_nothing() -> None:

@@ -15,6 +15,7 @@ import setid
 from setid.bands.branching import Effort, branched
 from setid.feasible_set.proposer import Proposer
 from setid.models.equations import Equation, Lagged, Term
+from setid.proofs.cells.cells import Cells
 from setid.proofs.supports import Cover, Proposal
 from setid.proofs.time_bands import enclosures
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, leak, noise_reach
@@ -633,3 +634,12 @@ def test_long_records_take_short_impulse_responses(monkeypatch: pytest.MonkeyPat
     band = result.simulate(tolerance=0.5)
     assert np.all(np.isfinite(band.high))
     assert lengths and np.median(lengths) < 130
+
+
+def test_cells_are_dropped_by_a_proof_only() -> None:
+    """Multipliers of zero prove 0 >= 0; the sum of both sides of a coordinate, its width."""
+    cover = box(np.array([0.5, 1.0]), 0.25)
+    cells = Cells(cover, np.eye(2), Proposer(cover))
+    assert not cells.drop(0, np.zeros(4))
+    assert not cells.drop(0, np.array([1.0, 0.0, 1.0, 0.0]))
+    assert cells.numbers == [0]

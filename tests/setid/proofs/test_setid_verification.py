@@ -19,7 +19,7 @@ import setid
 import sparsepop_py as sp
 from setid.identify import identify
 from setid.proofs.evidence import EndProof, Evidence
-from setid.proofs.intervals import IntervalStatus
+from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.verification import _reached, verify
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
@@ -411,3 +411,38 @@ def test_a_result_of_a_part_says_what_verifies_it(linear: Evidence) -> None:
     other = setid.IOData([4, -3, 2, 2], [0, -6.25, 1.175, 2.0875])
     assert "it has 4 samples, this record 5; result.verify()" in verify(linear, whole).reason
     assert verify(linear, other).reason == "the result belongs to other data"
+
+
+def interval(outer: tuple[float, float], inner: tuple[float, float] | None) -> ParameterInterval:
+    return ParameterInterval("a1", outer, inner, IntervalStatus.CERTIFIED)
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "tol", "near"),
+    [
+        ((0.0, 1.0), (0.0, 1.0), 0.0, True),
+        ((-0.01, 1.0), (0.0, 1.0), 0.01, True),
+        ((0.0, 1.01), (0.0, 1.0), 0.01, True),
+        ((-0.02, 1.0), (0.0, 1.0), 0.01, False),
+        ((0.0, 1.02), (0.0, 1.0), 0.01, False),
+        ((0.0, 1.0 + 1e-7), (0.0, 1.0), 1e-9, False),
+        ((0.0, 1.0 + 1e-7), (1.0, 1.0), 1e-3, False),
+        ((1.0, 1.0 + 1e-10), (1.0, 1.0), 0.0, True),
+        ((1.0, 1.0 + 1e-8), (1.0, 1.0), 0.0, False),
+        ((0.0, np.inf), (0.0, 1.0), 1e300, False),
+    ],
+)
+def test_ends_agree_on_both_sides(
+    outer: tuple[float, float], inner: tuple[float, float], tol: float, near: bool
+) -> None:
+    found = interval(outer, inner)
+    assert found.agrees(tol) == near
+    assert bool(overstated({"a": interval((0, 1), (0, 1)), "b": found}, tol)) != near
+    if inner[1] > inner[0] and np.isfinite(outer[1]):
+        loose = max(inner[0] - outer[0], outer[1] - inner[1])
+        assert found.gap == loose / (inner[1] - inner[0])
+
+
+def test_ends_are_shown_rounded_outwards_and_attained_ones_inwards() -> None:
+    third = interval((1 / 3, 2 / 3), (1 / 3, 2 / 3))
+    assert repr(third) == "a1 in [0.333333, 0.666667], attained [0.333334, 0.666666], certified"
