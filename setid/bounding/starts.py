@@ -85,7 +85,7 @@ def points_at_ends(
     elif _many_sums(formulation) and not coupled(formulation):
         found = _ends_without_sums(formulation, problem, start)
     else:
-        found = [end.x for end in search_ends(formulation, problem, start)]
+        found = search_ends(formulation, problem, start)
     return _proved(formulation, scaled, found, deadline)
 
 
@@ -114,7 +114,7 @@ def starts_of_engine(
     """
     long, found = is_long(formulation), list[NDArray[np.float64]]()
     if coupled(formulation):
-        found = [end.x for end in search_ends(formulation, problem, start)]
+        found = search_ends(formulation, problem, start)
     elif long and formulation.sums:
         found = ends_of_long_record(formulation, problem, start, deadline)
     at_ends = long and bool(found)
@@ -162,7 +162,7 @@ def _ends_without_sums(
     about = sp.Problem(plain.problem.objective, plain.problem.constraints, lower, upper)
     found = []
     for end in search_ends(plain, about, start[:n]):
-        x = np.append(end.x, np.zeros(formulation.layout.group(LIFTED).size))
+        x = np.append(end, np.zeros(formulation.layout.group(LIFTED).size))
         place_slack(x, formulation, x[:p])
         found.append(x)
     return found

@@ -49,10 +49,8 @@ def coupled(formulation: Formulation) -> bool:
     return bool(np.any(samples > 1) or np.any((samples > 0) & (parameters > 1)))
 
 
-def search_ends(
-    formulation: Formulation, problem: sp.Problem, start: Reals
-) -> list[sp.ProvedPoint]:
-    """Search for the ends of all parameters and prove the points that are found.
+def search_ends(formulation: Formulation, problem: sp.Problem, start: Reals) -> list[Reals]:
+    """Search for the ends of all parameters.
 
     Parameters
     ----------
@@ -64,10 +62,11 @@ def search_ends(
 
     Returns
     -------
-    list of sp.ProvedPoint
-        Fewer than 2 p where a search or a proof failed.
+    list of (n,) float
+        Near each of them a consistent vector is proved to exist, in units of its own. Fewer than
+        2 p where a search or a proof failed.
     """
-    scaled = in_fine_units(problem, formulation)
+    scaled = in_fine_units(problem, formulation, start)
     inner = replace(formulation, problem=scaled.problem)
     least = _least_noise(formulation, problem, start, scaled.units)
     inside = _polished(inner, least / scaled.units)
@@ -78,9 +77,9 @@ def search_ends(
         for sign in (1.0, -1.0):
             goal = within.with_objective(sign * formulation.layout.polynomial(place))
             ends += _end(inner, goal, inside)
-    known = solved_rows(formulation, problem)
-    found = [proved_point(formulation, problem, end * scaled.units, known) for end in ends]
-    return [point for point in found if point is not None]
+    known = solved_rows(inner, scaled.problem)
+    found = [proved_point(inner, scaled.problem, end, known) for end in ends]
+    return [point.x * scaled.units for point in found if point is not None]
 
 
 def _end(formulation: Formulation, goal: sp.Problem, inside: Reals) -> list[Reals]:

@@ -6,7 +6,7 @@ Noise has the unit of its signal, not that of its bound: both carry the same rou
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
@@ -61,54 +61,41 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     >>> bool(abs(scaled.problem.upper[2:] - 5e-10 * 2.0**32).max() == 0)
     True
     """
-    numbers = formulation.layout.group(LIFTED).tolist()
-    defined = list(zip(numbers, range(len(problem.constraints)), strict=False))
-    return units.in_units(problem, _with_defined(problem, formulation, defined))
+    sizes, numbers = sizes_of(formulation).copy(), formulation.layout.group(LIFTED)
+    largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
+    for number, row in zip(numbers.tolist(), problem.constraints, strict=False):
+        words, values = row.polynomial.words, np.abs(row.polynomial.coefficients)
+        own = np.all(words != number + 1, axis=1)  # the sum of its definition
+        with np.errstate(invalid="ignore"):
+            sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
+        largest[number + 1] = sizes[number]
+    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0))
 
 
-def in_fine_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
+def in_fine_units(problem: sp.Problem, formulation: Formulation, near: ArrayLike) -> InUnits:
     """State the same problem in units within a factor of two of the sizes of its unknowns.
-
-    Unknowns without bounds, such as powers of internal signals, have the size of what their
-    definition says.
 
     Parameters
     ----------
     problem : sparsepop_py.Problem
         That of the formulation, with other bounds.
     formulation : Formulation
+    near : (n,) float
+        A vector that is nearly feasible. Samples of a signal without bounds, such as a power of
+        an internal signal, have the size of the largest of them there.
 
     Returns
     -------
     InUnits
-        As of :func:`in_units`. Where units are used to prove something, those of that function
-        are meant: results are stored in them.
+        For searches; results are stored in those of :func:`in_units`.
     """
-    groups, rows = formulation.layout.groups, formulation.rows
-    open_ = ~(np.isfinite(problem.lower) & np.isfinite(problem.upper))
-    defined = []
-    for row, name in enumerate(rows.equation):
-        if name in groups:
-            support = problem.constraints[row].polynomial.support
-            own = support[open_[support] & np.isin(support, groups[name])].tolist()
-            defined += [(number, row) for number in own[:1]]
-    return units.in_units(problem, _with_defined(problem, formulation, defined), coarse=1)
-
-
-def _with_defined(
-    problem: sp.Problem, formulation: Formulation, defined: list[tuple[int, int]]
-) -> NDArray[np.float64]:
-    """Compute sizes (n,) of noise, and of unknowns that rows define, each by its row in turn."""
-    sizes = sizes_of(formulation).copy()
-    largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
-    for number, row in defined:
-        polynomial = problem.constraints[row].polynomial
-        words, values = polynomial.words, np.abs(polynomial.coefficients)
-        own = np.all(words != number + 1, axis=1)  # the terms that define it
-        with np.errstate(invalid="ignore"):
-            sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
-        largest[number + 1] = sizes[number]
-    return np.where(np.isfinite(sizes), sizes, 0.0)
+    sizes, vector = sizes_of(formulation).copy(), np.abs(np.asarray(near, float))
+    bounded = np.isfinite(problem.lower) & np.isfinite(problem.upper)
+    for numbers in formulation.layout.groups.values():
+        open_ = numbers[numbers >= 0]
+        open_ = open_[~bounded[open_]]
+        sizes[open_] = np.maximum(sizes[open_], vector[open_].max(initial=0.0))
+    return units.in_units(problem, sizes, coarse=1)
 
 
 def coupled_rows(formulation: Formulation) -> CoupledRows:

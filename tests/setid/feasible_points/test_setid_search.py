@@ -47,7 +47,7 @@ def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
     assert start is not None
     found = search_ends(formulation, problem, start)
     for number, objective in enumerate(objectives(formulation)):
-        least = min(float(objective(point.x)) for point in found)
+        least = min(float(objective(point)) for point in found)
         width = problem.upper[number // 2] - problem.lower[number // 2]
         answer = peers.scip(problem, objective, peers.Budget(20.0, 1e-4 * width))
         assert least <= answer.lower + 3e-4 * width
@@ -68,7 +68,7 @@ def test_ends_do_not_depend_on_the_unit_of_outputs(size: float) -> None:
         assert start is not None
         ends = search_ends(formulation, problem, start)
         assert len(ends) == 7  # both ends of three parameters, and where they begin
-        values = np.array([end.x[:3] for end in ends]) / [1.0, unit, unit**-2.0]
+        values = np.array([end[:3] for end in ends]) / [1.0, unit, unit**-2.0]
         found.append([values.min(axis=0), values.max(axis=0)])
     first, again = np.array(found)
     assert np.all(np.abs(again - first) <= 1e-4 * (first[1] - first[0]))
@@ -79,7 +79,7 @@ def test_searches_pass_noise_that_curves_the_rows() -> None:
     formulation, problem = stated(0.05, 20, 0, LURE, [-0.6, 0.5, 0.15])
     start = first_point(formulation, problem)
     assert start is not None
-    largest = max(float(point.x[2]) for point in search_ends(formulation, problem, start))
+    largest = max(float(point[2]) for point in search_ends(formulation, problem, start))
     answer = peers.scip(problem, objectives(formulation)[5], peers.Budget(20.0, 1e-5))
     assert largest >= -answer.upper - 1e-4
 
@@ -126,7 +126,7 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     assert start is not None
     found = search_ends(formulation, problem, start)
     assert len(found) >= 7  # of an inner point and eight ends
-    assert all(problem.violation(point.x) < 1e-9 for point in found)
+    assert all(problem.violation(point) < 1e-9 for point in found)
 
 
 def test_rows_of_zeros_alone_hold() -> None:
@@ -193,7 +193,7 @@ def test_ends_with_products_of_parameters_are_searched_for() -> None:
     start = first_point(formulation, problem)
     assert coupled(formulation) and start is not None
     found = search_ends(formulation, problem, start)
-    reached = np.array([point.x[: len(model.parameters)] for point in found])
+    reached = np.array([point[: len(model.parameters)] for point in found])
     ends = {
         "a[y1,w]1": (-1.1160, -1.0761),
         "b[y1,u2]2": (0.2786, 0.3403),
@@ -222,3 +222,16 @@ def test_ends_of_problems_with_many_sums_are_found_without_them():
         assert about.problem.violation(point.x) < 1e-9
     ends = np.array([(point.x * about.units)[:6] for point in points])
     assert np.all(ends.min(axis=0) < theta) and np.all(theta < ends.max(axis=0))
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-4])
+def test_ends_without_a_box_are_attained_in_any_unit(unit: float) -> None:
+    """With free states nothing bounds this gain; the truth is consistent at each unit."""
+    model, theta = setid.Wiener(setid.TransferFunction(2, 1, 1), 2, "gamma1"), [-0.9, 0.3, 0.5, 0.2]
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 12)
+    y = np.asarray(setid.simulate(model, theta, u))
+    noise = setid.Noise(output=0.02 * unit * float(np.abs(y).max()))
+    found = setid.identify(setid.IOData(u, unit * y), model, noise, setid.Stable())
+    inner = found.intervals["b1"].inner
+    assert inner is not None
+    assert inner[0] <= 0.5 * unit <= inner[1]
