@@ -13,17 +13,21 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import TOO_LARGE, TOO_LONG, TOO_MUCH
+from sparsepop_py.claims import Recomputed, check_claims, proved_bound
+from sparsepop_py.errors import ClaimError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.display import rounded
-from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from sparsepop_py.conic.program import ConicSolution
+    from sparsepop_py.problem.rational_problem import RationalProblem
     from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["INTERRUPTED", "HistoryEntry", "Point", "Result", "Status"]
@@ -137,6 +141,7 @@ class HistoryEntry:
 class Summarised(ABC):
     """Common part of results with and without ratios: how they are shown."""
 
+    problem: Any
     status: Status
     lower_bound: float
     upper_bound: float
@@ -144,6 +149,42 @@ class Summarised(ABC):
     @abstractmethod
     def summary(self) -> str:
         """Describe the result in a few lines of text."""
+
+    @abstractmethod
+    def recomputed(self) -> Recomputed:
+        """Compute bound and attained value again; raise ClaimError if they are worse."""
+
+    def verify(self, problem: Problem | RationalProblem | None = None) -> Verdict:
+        """Compute all claims again, without a solver: bounds, attained point and status.
+
+        Parameters
+        ----------
+        problem : Problem or RationalProblem, optional
+            What the result should be about; its own problem when left out.
+
+        Returns
+        -------
+        Verdict
+            True where every claim holds, with the lower bound that was computed, and with the
+            reason where one does not.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> x, = sp.variables(1)
+        >>> result = sp.solve(sp.Problem(x**2 - x, lower=0, upper=2))
+        >>> bool(result.verify())
+        True
+        >>> result.verify(sp.Problem(x**2, lower=0, upper=2)).reason
+        'the result belongs to another problem'
+        """
+        own = self.problem.fingerprint
+        if problem is not None and getattr(problem, "fingerprint", None) != own:
+            return Verdict(False, -np.inf, "the result belongs to another problem")
+        try:
+            return Verdict(True, self.recomputed().proved, "")
+        except ClaimError as error:
+            return Verdict(False, -np.inf, str(error))
 
     def __str__(self) -> str:
         return self.summary()
@@ -258,6 +299,30 @@ class Result(Summarised, ReadOnly):
         advice = _advice(self) if self.status in _OPEN else []
         meaning = _meaning(self)
         return f"{meaning} Try {_listed(advice)}." if advice else meaning
+
+    def recomputed(self) -> Recomputed:
+        """Compute bound and attained value again, without a solver.
+
+        Returns
+        -------
+        Recomputed
+
+        Raises
+        ------
+        ClaimError
+            If the evidence proves less than the result claims.
+        """
+        proved, attained, point = -np.inf, np.inf, None
+        if self.certificate is not None:
+            proved = proved_bound(self.certificate, self.problem)
+        if self.attained is not None:
+            point = self.attained.recheck(self.problem)
+        if point is not None:
+            falls = self.status is Status.UNBOUNDED
+            ray = falling_ray(self.problem, point, self.ray) if falls else None
+            attained = point.value if ray is None else -np.inf
+        check_claims(self, proved, attained)
+        return Recomputed(proved, attained, point)
 
     def summary(self) -> str:
         """Describe the result in a few lines of text.

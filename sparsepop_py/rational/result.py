@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
+from sparsepop_py.claims import Recomputed, check_claims, proved_bound
+from sparsepop_py.errors import ClaimError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.result import HistoryEntry, Result, Status, Summarised, claims_of, gap_of
@@ -17,6 +19,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 if TYPE_CHECKING:
     from sparsepop_py.relaxation.moment import Relaxation
@@ -125,6 +128,34 @@ class RationalResult(Summarised, ReadOnly):
     def timings(self) -> dict[str, float]:
         """CPU seconds of each stage on the polynomial problem."""
         return {} if self.polynomial is None else self.polynomial.timings
+
+    def recomputed(self) -> Recomputed:
+        """Compute bound and attained value again, without a solver.
+
+        Returns
+        -------
+        Recomputed
+
+        Raises
+        ------
+        ClaimError
+            If the evidence proves less than the result claims.
+        """
+        proof, problem = self.certificate, self.problem
+        proved, attained, point = proved_bound(proof, problem), np.inf, None
+        ranges = proof.proved_ranges(problem)
+        if isinstance(ranges, str):
+            raise ClaimError(f"result.certificate: {ranges}")
+        if self.attained is not None:
+            lifted = problem.lifted(ranges, proof.level)
+            point = self.attained.recheck(lifted)
+            if point is not None:
+                attained = attained_value(problem, ranges, proof.level, point.value)
+                falls = self.status is Status.UNBOUNDED and proof.level is None
+                ray = falling_ray(lifted, point) if falls else None
+                attained = attained if ray is None else -np.inf
+        check_claims(self, proved, attained)
+        return Recomputed(proved, attained, point)
 
     def summary(self) -> str:
         """Describe the result in a few lines of text.

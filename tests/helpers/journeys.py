@@ -12,7 +12,8 @@ from contextvars import ContextVar
 from dataclasses import replace
 from typing import Any
 
-from sparsepop_py.io.json_files import certificates, values
+from sparsepop_py import result as results
+from sparsepop_py.io.json_files import certificates
 from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.result import Result
 
@@ -34,7 +35,7 @@ class Batch:
 
 
 BATCH: ContextVar[Batch | None] = ContextVar("batch", default=None)
-plainly, table = values.proved_bound, certificates._Certificates
+plainly, table = results.proved_bound, certificates._Certificates
 
 
 class SharedTable(table):  # type: ignore[misc, valid-type]
@@ -74,7 +75,7 @@ def proved_once(certificate: Any, problem: Any) -> float:
     return float(verdict.bound)
 
 
-certificates._Certificates, values.proved_bound = SharedTable, proved_once
+certificates._Certificates, results.proved_bound = SharedTable, proved_once
 
 
 def through_json(result: Result, batch: Batch | None) -> Any:

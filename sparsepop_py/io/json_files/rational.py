@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.rational import Rational, RationalConstraint
-from sparsepop_py.errors import ClaimError
 from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
@@ -30,15 +28,11 @@ from sparsepop_py.io.json_files.values import (
     POLYNOMIAL,
     PROVED_POINT,
     STATUS,
-    check_bounds,
-    proved_bound,
     with_rounding,
 )
 from sparsepop_py.problem.rational_problem import RationalProblem
-from sparsepop_py.rational.result import RationalResult, attained_value
-from sparsepop_py.result import Status
+from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.verified.certificate.rational_bound import RangeProof, RationalCertificate
-from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["RATIONAL_CERTIFICATE", "RATIONAL_PROBLEM", "RATIONAL_RESULT"]
 
@@ -77,23 +71,9 @@ def _read_problem(found: Any, place: str) -> RationalProblem:
 def _result(**parts: Any) -> RationalResult:
     """Build the result if certificate and point prove the bounds that the text states."""
     result = RationalResult(**parts)
-    proof, problem = result.certificate, result.problem
-    proved, attained, point = proved_bound(proof, problem), math.inf, None
-    ranges = proof.proved_ranges(problem)
-    if isinstance(ranges, str):
-        raise ClaimError(f"result.certificate: {ranges}")
-    if result.attained is not None:
-        lifted = problem.lifted(ranges, proof.level)
-        point = result.attained.recheck(lifted)
-        if point is not None:
-            attained = attained_value(problem, ranges, proof.level, point.value)
-            falls = result.status is Status.UNBOUNDED and proof.level is None
-            attained = -math.inf if falls and falling_ray(lifted, point) is not None else attained
-    check_bounds(result.lower_bound, result.upper_bound, proved, attained)
-    claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
-    if not claims.get(result.status, True):
-        raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")
-    return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
+    again = result.recomputed()
+    upper = max(result.upper_bound, again.attained)
+    return replace(result, upper_bound=upper, attained=again.point)
 
 
 RATIONAL = record(Rational, whole=POLYNOMIAL, ratios=sequence(Codec(_write_ratio, _read_ratio)))

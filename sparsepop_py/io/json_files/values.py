@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import fields, replace
 from enum import Enum
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.errors import ClaimError, ProblemError
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.json_files import codecs
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import (
@@ -33,7 +32,6 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rounding import Rounding
 from sparsepop_py.result import HistoryEntry, Point, Result, Status
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
-from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = [
     "CONSTRAINT",
@@ -44,12 +42,8 @@ __all__ = [
     "PROVED_POINT",
     "RESULT",
     "STATUS",
-    "check_bounds",
-    "proved_bound",
     "with_rounding",
 ]
-
-_DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 
 # ---- problems -----------------------------------------------------------------------------
@@ -189,71 +183,17 @@ def _special(value: Any) -> Any:
     return float(value) if value in ("inf", "-inf", "nan") else value
 
 
-def proved_bound(certificate: Any, problem: Any) -> float:
-    """Compute what a certificate proves: at least the bound that it states.
-
-    Raises
-    ------
-    ClaimError
-        If it proves less.
-    """
-    verdict = certificate.verify(problem)
-    if not verdict.ok:
-        raise ClaimError(
-            f"result.certificate: found the bound {certificate.bound!r}, expected one that is "
-            f"proved ({verdict.reason})"
-        )
-    return float(verdict.bound)
-
-
-def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
-    """Raise if stated bounds are better than what is proved and attained.
-
-    Parameters
-    ----------
-    lower, upper : float
-        As stated.
-    proved, attained : float
-        As computed again.
-
-    Raises
-    ------
-    ClaimError
-    """
-    if not lower <= proved:
-        raise ClaimError(
-            f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
-            "which its certificate proves"
-        )
-    near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
-    if not (upper >= attained or near):
-        raise ClaimError(
-            f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
-            "which its point attains"
-        )
-
-
 def _result(**parts: Any) -> Result:
     """Build the result if certificate and point prove the bounds that the text states."""
     result = Result(**parts, relaxation=None, solution=None)
     if result.ray is not None and result.ray.shape != (result.problem.dimension,):
         raise codecs.wrong("result.ray", f"{result.ray.size} numbers", "one a variable")
-    proved = -math.inf
     if result.certificate is not None:
         check_references(result.certificate, result.problem, "result.certificate")
-        proved = proved_bound(result.certificate, result.problem)
-    attained = math.inf
-    point = None if result.attained is None else result.attained.recheck(result.problem)
-    if point is not None:
-        ends = result.status is not Status.UNBOUNDED
-        ray = None if ends else falling_ray(result.problem, point, result.ray)
-        attained = point.value if ray is None else -math.inf
-    check_bounds(result.lower_bound, result.upper_bound, proved, attained)
-    claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
-    if not claims.get(result.status, True):
-        raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")
+    again = result.recomputed()
     # the point as it was proved again: nothing that a file says of it is believed
-    return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
+    upper = max(result.upper_bound, again.attained)
+    return replace(result, upper_bound=upper, attained=again.point)
 
 
 STATUS = _member(Status)

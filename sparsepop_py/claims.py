@@ -1,0 +1,80 @@
+"""Claims of results, computed again: the bound, the attained value and the status."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from sparsepop_py.errors import ClaimError
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = ["Recomputed", "check_claims", "proved_bound"]
+
+_DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
+
+
+class Recomputed(NamedTuple):
+    """Bounds and point that the evidence of a result proves.
+
+    Parameters
+    ----------
+    proved : float
+        The lower bound; -inf without a certificate.
+    attained : float
+        The value of the point; +inf without one, -inf where a ray falls from it.
+    point : ProvedPoint or None
+        As it was proved again.
+    """
+
+    proved: float
+    attained: float
+    point: ProvedPoint | None
+
+
+def proved_bound(certificate: Any, problem: Any) -> float:
+    """Compute what a certificate proves: at least the bound that it states.
+
+    Raises
+    ------
+    ClaimError
+        If it proves less.
+    """
+    verdict = certificate.verify(problem)
+    if not verdict.ok:
+        raise ClaimError(
+            f"result.certificate: found the bound {certificate.bound!r}, expected one that is "
+            f"proved ({verdict.reason})"
+        )
+    return float(verdict.bound)
+
+
+def check_claims(result: Any, proved: float, attained: float) -> None:
+    """Refuse a result that claims more than its evidence proves.
+
+    Parameters
+    ----------
+    result : Result or RationalResult
+        Its bounds and its status are compared.
+    proved, attained : float
+        As computed again.
+
+    Raises
+    ------
+    ClaimError
+        That names the claim.
+    """
+    lower, upper = result.lower_bound, result.upper_bound
+    if not lower <= proved:
+        raise ClaimError(
+            f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
+            "which its certificate proves"
+        )
+    near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
+    if not (upper >= attained or near):
+        raise ClaimError(
+            f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
+            "which its point attains"
+        )
+    shown = {"INFEASIBLE": proved == math.inf, "UNBOUNDED": attained == -math.inf}
+    if not shown.get(result.status, True):
+        raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")
