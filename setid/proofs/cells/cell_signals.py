@@ -18,6 +18,7 @@ __all__ = ["signal_bounds"]
 Reals = NDArray[np.float64]
 _NUMBERS = 400_000  # of slopes of the internal signal at a time, in all of its samples
 _FAR = 1e100  # of a signal: what says nothing
+_SMALL = 1e-290  # of a product: a smaller one may be a subnormal number, and rounded by all of it
 
 
 def signal_bounds(
@@ -61,7 +62,10 @@ def signal_bounds(
             both = factor[some, :, None, None] * z[:, None]
         finite = np.all(np.isfinite(both), axis=(1, 2))
         both = np.where(finite[:, None, None], both, 0.0)
-        wide = np.where(finite, 1e-12 * np.abs(both).max(axis=(1, 2)), np.inf)
+        most = np.abs(both).max(axis=(1, 2))
+        zero = ~np.any((factor[some, :, None, None] != 0.0) & (z[:, None] != 0.0), axis=(1, 2))
+        wide = 1e-12 * most + np.where(zero | (most > _SMALL), 0.0, _SMALL)
+        wide = np.where(finite, wide, np.inf)
         low = np.minimum(low, (both.min(axis=(1, 2)) - wide).min(axis=0))
         high = np.maximum(high, (both.max(axis=(1, 2)) + wide).max(axis=0))
     return np.array([low, high])

@@ -233,6 +233,26 @@ def test_a_first_sample_is_felt_as_long_as_the_pole_lets_it() -> None:
     assert np.all(reach >= 40.0 * 0.4 ** np.arange(50)) and reach[0] < 41.0
 
 
+def test_products_that_underflow_are_not_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The product of the least double and 0.3 is none, and lies within the bounds."""
+    data, z = simulated(0.0, samples=20)
+    formulation = formulated(data)
+    least = np.nextafter(0.0, 1.0)
+    monkeypatch.setattr(cell_signals, "factor_of", lambda *_: np.full((1, 2), least))
+    fit = Fitted(
+        np.array([[-0.5, 0.8, 0.24]]), np.zeros((1, 3)), np.ones(1, bool), np.zeros(1, bool)
+    )
+    cells, kept = np.array([[[-0.4, 1.0], [-0.4, 1.0]]]), np.arange(1)
+    low, high = cell_signals.signal_bounds(
+        parts_of(formulation), formulation, cells, fit, kept, np.inf
+    )
+    inside = np.flatnonzero((np.abs(z) > 0.1) & (np.abs(z) < 0.4))
+    assert inside.size
+    for k in inside:
+        product = Fraction(least) * Fraction(z[k])
+        assert Fraction(low[k]) < product < Fraction(high[k])
+
+
 @pytest.mark.parametrize(
     ("pole", "delay"),
     slow_unless(lambda pole, _: pole == 0.0, [(0.0, 0), (0.0, 2), (0.7, 2), (0.7, 0)]),
