@@ -21,7 +21,7 @@ from checker.result import NotProved
 INF = math.inf
 PROVED = {"strong-oi": "Directions", "two-poles-o": "Products", "simulated-free-0": "Simulation"}
 OFFSETS = {"two-poles-offset-auto": "Products", "two-poles-offset-direct": "Products"}
-LONGEST = {"two-poles-o", *OFFSETS}  # ten seconds and more of exact arithmetic
+LONGEST = {"strong-oi", "two-poles-o", *OFFSETS}  # ten seconds and more of exact arithmetic
 
 
 def loaded(name: str) -> dict:
