@@ -75,6 +75,10 @@ def check_claims(result: Any, proved: float, attained: float) -> None:
             f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
             "which its point attains"
         )
-    shown = {"INFEASIBLE": proved == math.inf, "UNBOUNDED": attained == -math.inf}
+    shown = {
+        "OPTIMAL": math.isfinite(proved) and math.isfinite(attained),
+        "INFEASIBLE": proved == math.inf,
+        "UNBOUNDED": attained == -math.inf,
+    }
     if not shown.get(result.status, True):
         raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")

@@ -151,8 +151,24 @@ class Summarised(ABC):
         """Describe the result in a few lines of text."""
 
     @abstractmethod
+    def _evidence(self) -> Recomputed:
+        """Compute bound and attained value again, whatever is claimed."""
+
     def recomputed(self) -> Recomputed:
-        """Compute bound and attained value again; raise ClaimError if they are worse."""
+        """Compute bound and attained value again, without a solver.
+
+        Returns
+        -------
+        Recomputed
+
+        Raises
+        ------
+        ClaimError
+            If the evidence proves less than the result claims.
+        """
+        found = self._evidence()
+        check_claims(self, found.proved, found.attained)
+        return found
 
     def verify(self, problem: Problem | RationalProblem | None = None) -> Verdict:
         """Compute all claims again, without a solver: bounds, attained point and status.
@@ -166,7 +182,7 @@ class Summarised(ABC):
         -------
         Verdict
             True where every claim holds, with the lower bound that was computed, and with the
-            reason where one does not.
+            reason where one does not. How far an optimal value may be off is :attr:`gap`.
 
         Examples
         --------
@@ -178,8 +194,11 @@ class Summarised(ABC):
         >>> result.verify(sp.Problem(x**2, lower=0, upper=2)).reason
         'the result belongs to another problem'
         """
-        own = self.problem.fingerprint
-        if problem is not None and getattr(problem, "fingerprint", None) != own:
+        own = type(self.problem)
+        if problem is not None and not isinstance(problem, own):
+            found = type(problem).__name__
+            return Verdict(False, -np.inf, f"found {found}, expected a {own.__name__}")
+        if problem is not None and problem.fingerprint != self.problem.fingerprint:
             return Verdict(False, -np.inf, "the result belongs to another problem")
         try:
             return Verdict(True, self.recomputed().proved, "")
@@ -300,18 +319,7 @@ class Result(Summarised, ReadOnly):
         meaning = _meaning(self)
         return f"{meaning} Try {_listed(advice)}." if advice else meaning
 
-    def recomputed(self) -> Recomputed:
-        """Compute bound and attained value again, without a solver.
-
-        Returns
-        -------
-        Recomputed
-
-        Raises
-        ------
-        ClaimError
-            If the evidence proves less than the result claims.
-        """
+    def _evidence(self) -> Recomputed:
         proved, attained, point = -np.inf, np.inf, None
         if self.certificate is not None:
             proved = proved_bound(self.certificate, self.problem)
@@ -321,7 +329,6 @@ class Result(Summarised, ReadOnly):
             falls = self.status is Status.UNBOUNDED
             ray = falling_ray(self.problem, point, self.ray) if falls else None
             attained = point.value if ray is None else -np.inf
-        check_claims(self, proved, attained)
         return Recomputed(proved, attained, point)
 
     def summary(self) -> str:

@@ -30,10 +30,12 @@ def test_what_is_returned_verifies(result: Any) -> None:
 
 
 def test_results_of_other_problems_are_refused(result: Any) -> None:
-    other = sp.Problem(x - y, lower=0, upper=1)
-    for problem in (other, "x - y", 3):
-        verdict = result.verify(problem)
-        assert not verdict and verdict.reason == "the result belongs to another problem"
+    own = type(result.problem)
+    other = own(x - y, [], lower=0, upper=1)
+    assert result.verify(other) == (False, -np.inf, "the result belongs to another problem")
+    for wrong in ("x - y", 3, result):
+        said = f"found {type(wrong).__name__}, expected a {own.__name__}"
+        assert result.verify(wrong) == (False, -np.inf, said)
 
 
 @pytest.mark.parametrize(
@@ -51,6 +53,16 @@ def test_false_claims_are_named(claim: dict[str, Any], named: str) -> None:
     """The minimum is -sqrt(2)."""
     verdict = replace(sp.solve(DISC), **claim).verify()
     assert not verdict.ok and verdict.reason.startswith(named)
+
+
+def test_optimal_needs_a_bound_and_a_point() -> None:
+    found = sp.solve(DISC)
+    for missing in (
+        {"certificate": None, "lower_bound": -np.inf},
+        {"attained": None, "upper_bound": np.inf},
+    ):
+        assert replace(found, **missing).verify().reason.startswith("result.status")
+        assert replace(found, **missing, status=sp.Status.BOUNDED).verify().ok
 
 
 def test_points_and_certificates_are_computed_again() -> None:

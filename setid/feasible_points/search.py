@@ -100,9 +100,8 @@ def _least_noise(
     noise = np.append(held_unknowns(formulation), False)
     lower[noise], upper[noise], upper[-1] = -inf, inf, inf  # the factor alone bounds them
     lower[:p], upper[:p] = problem.lower[:p], problem.upper[:p]
-    scaled = units.in_units(
-        sp.Problem(stated.objective, stated.constraints, lower, upper), np.append(sizes, 1.0), 1
-    )
+    wide = sp.Problem(stated.objective, stated.constraints, lower, upper)
+    scaled = units.in_units(wide, np.append(sizes, 1.0), coarse=1)
     bound = formulation.problem.upper[noise[:-1]]
     factor = float(np.max(np.abs(start[noise[:-1]]) / bound, initial=0.0))
     found = sequential_search(scaled.problem, np.append(start, factor) / scaled.units)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
-from sparsepop_py.claims import Recomputed, check_claims, proved_bound
+from sparsepop_py.claims import Recomputed, proved_bound
 from sparsepop_py.errors import ClaimError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
@@ -129,18 +129,7 @@ class RationalResult(Summarised, ReadOnly):
         """CPU seconds of each stage on the polynomial problem."""
         return {} if self.polynomial is None else self.polynomial.timings
 
-    def recomputed(self) -> Recomputed:
-        """Compute bound and attained value again, without a solver.
-
-        Returns
-        -------
-        Recomputed
-
-        Raises
-        ------
-        ClaimError
-            If the evidence proves less than the result claims.
-        """
+    def _evidence(self) -> Recomputed:
         proof, problem = self.certificate, self.problem
         proved, attained, point = proved_bound(proof, problem), np.inf, None
         ranges = proof.proved_ranges(problem)
@@ -154,7 +143,6 @@ class RationalResult(Summarised, ReadOnly):
                 falls = self.status is Status.UNBOUNDED and proof.level is None
                 ray = falling_ray(lifted, point) if falls else None
                 attained = attained if ray is None else -np.inf
-        check_claims(self, proved, attained)
         return Recomputed(proved, attained, point)
 
     def summary(self) -> str:

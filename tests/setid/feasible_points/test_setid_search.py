@@ -18,7 +18,7 @@ from setid.feasible_points.search import coupled, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
-from setid.formulation.units import in_units
+from setid.formulation.units import in_fine_units, in_units
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 from sparsepop_py.budget import Deadline
@@ -72,6 +72,19 @@ def test_ends_do_not_depend_on_the_unit_of_outputs(size: float) -> None:
         found.append([values.min(axis=0), values.max(axis=0)])
     first, again = np.array(found)
     assert np.all(np.abs(again - first) <= 1e-4 * (first[1] - first[0]))
+
+
+def test_samples_of_a_signal_without_bounds_have_one_unit() -> None:
+    """A square that begins near zero has to grow: the largest of them says how large they are."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 12)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, "gamma1")
+    data = setid.IOData(u, np.asarray(setid.simulate(model, [-0.6, 0.8, 0.3], u)))
+    formulation = setid.formulate(data, model, setid.Noise(output=0.01))
+    squares = formulation.layout.group("p[z^2]")
+    near = np.zeros(formulation.layout.dimension)
+    near[squares.ravel()] = 1e-9 * np.arange(1, squares.size + 1)
+    units = in_fine_units(formulation.problem, formulation, near).units[squares.ravel()]
+    assert np.all(units == units[0]) and 0.5 <= units[0] / near.max() <= 2.0
 
 
 def test_searches_pass_noise_that_curves_the_rows() -> None:

@@ -11,6 +11,7 @@ import setid
 import sparsepop_py as sp
 from benchmarks.problems.block_structured import KINDS, record
 from setid.feasible_set.start import find_box
+from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
 from setid.proofs.parameter_box import box_follows, product_rows
 from sparsepop_py.uncertain_rows.lifted_products import lifted_box
@@ -131,8 +132,8 @@ def test_rows_of_internal_signals_belong_to_no_output() -> None:
     priors = [setid.Box({"gamma1": (0.0, 3.0), "gamma2": (-1.0, 1.0)})]
     formulation = setid.formulate(data, model, setid.Noise(output=0.01), priors)
     products = product_rows(formulation)
-    assert products is not None
-    assert set(products.regression.output.tolist()) == {0, 1}  # type: ignore[attr-defined]
+    assert products is not None and isinstance(products.regression, Regression)
+    assert set(products.regression.output.tolist()) == {0, 1}
     box = find_box(formulation)
     assert box is not None and box_follows(box, formulation)
     assert np.all((box.lower <= [1.0, 0.3]) & (box.upper >= [1.0, 0.3]))
