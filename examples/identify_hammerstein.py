@@ -58,7 +58,7 @@ def main() -> None:
 
     figure, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
     volts = np.linspace(data.u.min(), data.u.max(), 5)
-    setid.static_band(result, x=volts, seconds=PER_BAND).plot(axes[0])
+    setid.static_band(result, x=volts, time_limit=PER_BAND).plot(axes[0])
     setid.signal_band(result, "w").plot(axes[1])
     figure.savefig(output / "hammerstein_band.png", dpi=120)
     plot_diagram(model, result).figure.savefig(output / "hammerstein_diagram.png", dpi=120)

@@ -39,6 +39,8 @@ _MODULES = {
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(_MODULES[name])
+    if name == "__version__":  # one distribution holds both packages
+        return import_module("sparsepop_py").__version__
     return _lazy(name)
 
 

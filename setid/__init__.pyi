@@ -76,6 +76,7 @@ from .data.record import (
 )
 from .errors import (
     DataError,
+    EmptySetError,
     ModelError,
     NoiseError,
     PriorError,
@@ -228,6 +229,8 @@ from .verify import (
     verify,
 )
 
+__version__: str
+
 __all__ = [
     "Advice",
     "BestMember",
@@ -243,6 +246,7 @@ __all__ = [
     "DCGain",
     "DataError",
     "DirectionBox",
+    "EmptySetError",
     "EnergyBound",
     "Estimate",
     "EstimatedBound",

@@ -42,7 +42,6 @@ from sparsepop_py.cli import (
     json_number,
     print_or_write,
     run_commands,
-    version,
 )
 from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.commands.study import add_study
@@ -67,6 +66,7 @@ _NOISE = {
     "equation": "largest error of the difference equation",
 }
 _RELATIVE = "bounds of outputs and inputs are shares of readings"
+_TOL = "what counts as closed, as a fraction of the attained width (1e-3)"
 _VERIFIED = "verified: box, outer and inner ends follow from the record, without any solver"
 _CODES = """exit codes:
   0  every interval is certified; for consistency: the data are explained by these bounds
@@ -114,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_CODES,
         formatter_class=layout,
     )
-    parser.add_argument("--version", action="version", version=f"sparsepop-py {version()}")
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {sp.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("identify", _identify, "prove an interval for each parameter"),
@@ -126,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
         add_structure(command)
         command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
         command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
+        command.add_argument("--tol", type=float, default=1e-3, help=_TOL)
         add_json(command)
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
@@ -253,7 +254,9 @@ def _noise(arguments: argparse.Namespace) -> Noise:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    return Options(time_limit=arguments.time_limit, cpu_limit=arguments.cpu_limit)
+    return Options(
+        tol=arguments.tol, time_limit=arguments.time_limit, cpu_limit=arguments.cpu_limit
+    )
 
 
 # ---- identify ---------------------------------------------------------------------------

@@ -15,12 +15,26 @@ Examples
 (True, True)
 """
 
+from typing import Any
+
 import lazy_loader
 
 from sparsepop_py.plugins.entries import enter_pyomo
 
 # Names come from __init__.pyi. Importing the package loads none of its rooms: no solver, no scipy.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_lazy, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    if name != "__version__":
+        return _lazy(name)
+    from importlib import metadata
+
+    try:
+        return metadata.version("sparsepop-py")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"
+
 
 enter_pyomo()
 del enter_pyomo

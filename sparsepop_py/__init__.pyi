@@ -48,6 +48,8 @@ from .verified.certificate.linear_bound import LinearBound
 from .verified.certificate.rational_bound import RangeProof, RationalCertificate
 from .verified.points.feasible_point import ProvedPoint
 
+__version__: str
+
 __all__ = [
     "Certificate",
     "Cliques",

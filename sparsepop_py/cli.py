@@ -14,12 +14,11 @@ from collections import Counter
 from collections.abc import Sequence
 from contextvars import ContextVar
 from glob import glob
-from importlib import metadata
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from sparsepop_py import plots
+from sparsepop_py import __version__, plots
 from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.commands.study import add_study
 from sparsepop_py.commands.verify import add_verify
@@ -61,7 +60,6 @@ __all__ = [
     "main",
     "print_or_write",
     "run_commands",
-    "version",
 ]
 
 EXIT_PROVED = 0
@@ -189,7 +187,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"sparsepop-py {version()}")
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("solve", _solve, "prove a bound, find a point, and print both"),
@@ -323,6 +321,7 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--time-limit", type=float, metavar="S", help="seconds of wall time for each solve"
     )
+    command.add_argument("--gap", type=float, default=1e-6, help="what counts as closed (1e-6)")
     command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
     add_json(command)
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
@@ -400,14 +399,6 @@ def print_or_write(path: str | None, record: Any, text: str) -> None:
         write_text(str(path), encoded + "\n")
 
 
-def version() -> str:
-    """Find the installed version, for ``--version``."""
-    try:
-        return metadata.version("sparsepop-py")
-    except metadata.PackageNotFoundError:
-        return "(not installed)"
-
-
 # ---- solve ------------------------------------------------------------------------------
 
 
@@ -458,6 +449,7 @@ def _solve(arguments: argparse.Namespace) -> int:
         solver=arguments.solver,
         time_limit=arguments.time_limit,
         cpu_limit=arguments.cpu_limit,
+        gap=arguments.gap,
         progress=True,
     )
     result = solve(problem, options)
@@ -587,6 +579,7 @@ def _orders(arguments: argparse.Namespace) -> int:
             solver=arguments.solver,
             time_limit=arguments.time_limit,
             cpu_limit=arguments.cpu_limit,
+            gap=arguments.gap,
             progress=True,
         ),
     )

@@ -42,6 +42,8 @@ FILES = {
     "unbounded": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =L= 7;\n",
     # Motzkin's polynomial: bounds come only from a box, which --plain does not look for
     "open": HEAD + "e1.. objvar - x1^4*x2^2 - x1^2*x2^4 + 3*x1^2*x2^2 =E= 1; e2.. x1 + x2 =L= 9;\n",
+    # concave: the least value, 2, is at a vertex, (1, 0); the least order proves 1.92
+    "concave": HEAD + "e1.. objvar + x1^2 + x2^2 - x1*x2 =E= 3; e2.. x1 + x2 =L= 1.2;\n" + BOX,
     "broken": HEAD + "e1.. objvar - x1 =Q= 0;\n",
 }
 
@@ -69,6 +71,8 @@ def run(folder: pathlib.Path, command: str, name: str, *options: str) -> int:
         ("empty", [], EXIT_PROVED),
         ("unbounded", [], EXIT_PROVED),
         ("open", ["--plain"], EXIT_OPEN),
+        ("concave", ["--plain"], EXIT_OPEN),
+        ("concave", ["--plain", "--gap", "0.5"], EXIT_PROVED),
     ],
 )
 def test_exit_codes(folder: pathlib.Path, name: str, options: list[str], code: int) -> None:
@@ -100,6 +104,7 @@ def test_an_interrupt_outside_of_the_work_is_said_in_a_line(
         (["solve", "{closed}", "--order", "0"], "Options.order: found 0, expected a positive"),
         (["solve", "{closed}", "--order", "two"], "argument --order: invalid int value: 'two'"),
         (["solve", "{closed}", "--time-limit", "-1"], "Options.time_limit: found -1.0"),
+        (["solve", "{closed}", "--gap", "-1"], "Options.gap: found -1.0"),
         (
             ["solve", "{closed}", "--plot", "a.xyz"],
             "--plot: found 'a.xyz', expected a file that ends in one of",
@@ -238,7 +243,7 @@ def test_info(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("sparsepop-py ")
+    assert capsys.readouterr().out == f"sparsepop-py {sp.__version__}\n"
     assert main(["solve", "--help"]) == 0
     text = capsys.readouterr().out
     assert "exit codes:" in text and "--time-limit" in text

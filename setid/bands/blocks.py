@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands.responses import Kind
-from setid.data.checks import frozen, number, real_array, word
+from setid.data.checks import frozen, real_array, seconds_of, word
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
@@ -132,7 +132,7 @@ def static_band(
     name: str | None = None,
     x: ArrayLike | None = None,
     kind: Kind = "proved",
-    seconds: float = 0.0,
+    time_limit: float = 0.0,
 ) -> StaticBand:
     """Prove or sample the band of a static nonlinearity over the feasible set.
 
@@ -147,8 +147,8 @@ def static_band(
         which needs a map of a single measured signal.
     kind : {"proved", "sampled"}
         Values of the map of every consistent system, or of those that are known.
-    seconds : float
-        Time in which the engine narrows a proved band. With 0, the default, the band follows by
+    time_limit : float
+        Seconds in which the engine narrows a proved band. With 0, the default, the band follows by
         linear programs from what is proved of the parameters already.
 
     Returns
@@ -173,9 +173,7 @@ def static_band(
     (True, True)
     """
     check_result(result)
-    seconds = number(seconds, "seconds", SetidError)
-    if seconds < 0.0:
-        raise SetidError(f"seconds: found {seconds}, expected at least 0")
+    seconds = seconds_of(time_limit)
     model, target, item = _map_of(result, name)
     points = _arguments(result, item, x)
     slopes, constant = map_slopes(model, target, points)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import setid
 from setid import cli
 from setid.cli import main
 from setid.proofs.evidence import Verification
@@ -28,6 +29,13 @@ def test_identify(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", record, *FIRST, "--equation-noise", "0.5"]) == cli.EXIT_PROVED
     text = capsys.readouterr().out
     assert "a1" in text and "certified" in text and "-0.5232" in text
+
+
+@pytest.mark.parametrize(("tol", "code"), [("1e-12", cli.EXIT_OPEN), ("0.5", cli.EXIT_PROVED)])
+def test_tolerances_say_what_is_closed(record: str, tol: str, code: int) -> None:
+    """Linear programs leave gaps of some 1e-8 of the width, and none of a half."""
+    arguments = ["identify", record, *FIRST, "--output-noise", "0.5", "--tol", tol]
+    assert main(arguments) == code
 
 
 def test_identify_writes_json_and_a_picture(record: str, tmp_path: Path) -> None:
@@ -213,6 +221,7 @@ def test_a_wrong_suffix_of_a_picture(record: str, capsys: pytest.CaptureFixture[
 
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"sparsepop-py {setid.__version__}\n"
     assert main(["identify", "--help"]) == 0
     assert "exit codes" in capsys.readouterr().out
 

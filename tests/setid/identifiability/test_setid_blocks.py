@@ -383,7 +383,7 @@ class TestBands:
         x = np.linspace(-1, 1, 5)
         true = x + 0.4 * x**2 - 0.3 * x**3
         wide = setid.static_band(result, x=x)
-        tight = setid.static_band(result, x=x[:2], seconds=0.5)
+        tight = setid.static_band(result, x=x[:2], time_limit=0.5)
         inner = setid.static_band(result, x=x, kind="sampled")
         assert wide.kind == "proved"
         assert inner.kind == "sampled"
@@ -569,8 +569,8 @@ def test_wrong_arguments_are_named() -> None:
         (lambda: setid.discretisation_error(model, [1.0], u), "model: found Hammerstein"),
         (lambda: plot_diagram(ONE), "model: found TransferFunction, expected a block structure"),
         (lambda: setid.static_band(result, x=[np.nan]), r"x: found NaN at \[0\]"),
-        (lambda: setid.static_band(result, x=[1.0], seconds="a"), "seconds: found 'a'"),
-        (lambda: setid.static_band(result, x=[1.0], seconds=-1.0), "seconds: found -1.0"),
+        (lambda: setid.static_band(result, x=[1.0], time_limit="a"), "time_limit: found 'a'"),
+        (lambda: setid.static_band(result, x=[1.0], time_limit=-1.0), "time_limit: found -1.0"),
         (lambda: setid.frequency_band(linear, executor=4), "executor: found 4"),
         (lambda: setid.sensitivity(linear, [1.0], executor="x"), "executor: found 'x'"),
     ]

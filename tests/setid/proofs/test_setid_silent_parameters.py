@@ -52,7 +52,7 @@ def test_maps_hold_all_values_of_their_coefficients() -> None:
     data = setid.IOData(np.zeros(5), np.zeros(5))
     priors = [setid.Box({"b0": (-1.0, 3.0), "gamma1": (-1.0, 2.0)}), setid.Stable()]
     found = setid.identify(data, model, setid.Noise(output=0.01), priors, QUIET)
-    band = setid.static_band(found, x=[1.0], seconds=0.1)
+    band = setid.static_band(found, x=[1.0], time_limit=0.1)
     assert band.low[0] <= 0.0 and band.high[0] >= 3.0
 
 
