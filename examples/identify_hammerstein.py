@@ -19,7 +19,7 @@ from setid.plots.blocks import plot_diagram
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 NOISE = 0.36  # V, an assumption: about the largest residual of a least-squares fit
 SECONDS = 40.0  # at most; all intervals close earlier on a machine without other work
-PER_BAND = 8.0
+PER_BAND = 3.0
 
 
 def main() -> None:

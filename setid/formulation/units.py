@@ -12,14 +12,17 @@ import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation, multiplied_out
 from setid.formulation.lifting import LIFTED
+from setid.models.products import PRODUCT
 from sparsepop_py.problem import units
 from sparsepop_py.problem.units import InUnits
 from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
 
 __all__ = ["InUnits", "coupled_rows", "in_fine_units", "in_units", "sizes_of"]
 
+Reals = NDArray[np.float64]
 
-def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
+
+def sizes_of(formulation: Formulation) -> Reals:
     """Compute sizes (n,) of the signals to which noise samples belong, else 0.
 
     Parameters
@@ -61,15 +64,30 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     >>> bool(abs(scaled.problem.upper[2:] - 5e-10 * 2.0**32).max() == 0)
     True
     """
-    sizes, numbers = sizes_of(formulation).copy(), formulation.layout.group(LIFTED)
+    sizes = sizes_of(formulation).copy()
+    _size_products(sizes, problem, formulation)
+    return units.in_units(problem, sizes)
+
+
+def _size_products(sizes: Reals, problem: sp.Problem, formulation: Formulation) -> None:
+    """Enter sizes (n,) of products without bounds, by the rows that define them."""
     largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
-    for number, row in zip(numbers.tolist(), problem.constraints, strict=False):
+    unknown = np.zeros(largest.size, bool)
+    for name, numbers in formulation.layout.groups.items():
+        if name == LIFTED or name.startswith(PRODUCT):
+            unknown[numbers[numbers >= 0] + 1] = True
+    unknown &= ~np.isfinite(largest)
+    for row in problem.constraints if np.any(unknown) else ():
         words, values = row.polynomial.words, np.abs(row.polynomial.coefficients)
-        own = np.all(words != number + 1, axis=1)  # the sum of its definition
+        own = np.any(unknown[words], axis=1)
+        if np.count_nonzero(own) != 1 or np.count_nonzero(words[own]) != 1:
+            continue
+        number = int(words[own].max())
         with np.errstate(invalid="ignore"):
-            sizes[number] = float(values[own] @ np.prod(largest[words[own]], axis=1))
-        largest[number + 1] = sizes[number]
-    return units.in_units(problem, np.where(np.isfinite(sizes), sizes, 0.0))
+            size = values[~own] @ np.prod(largest[words[~own]], axis=1) / values[own][0]
+        if np.isfinite(size):
+            sizes[number - 1] = largest[number] = size
+            unknown[number] = False
 
 
 def in_fine_units(problem: sp.Problem, formulation: Formulation, near: ArrayLike) -> InUnits:

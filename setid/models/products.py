@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from typing import Final
 
 from setid.models.equations import Equation, Lagged, term
 
-__all__ = ["cut_products"]
+__all__ = ["PRODUCT", "cut_products"]
 
+PRODUCT: Final = "p["  # how names of such signals begin
 Monomial = tuple[Lagged, ...]
 
 
@@ -40,7 +42,7 @@ def cut_products(
         spelled.append(factor)
         shift = min(f.lag for f in spelled)
         shifted = tuple(Lagged(f.signal, f.lag - shift) for f in spelled)
-        name = f"p[{text(shifted)}]"
+        name = f"{PRODUCT}{text(shifted)}]"
         left = Lagged(prefix.signal, prefix.lag - shift)
         right = Lagged(factor.signal, factor.lag - shift)
         if name not in products:

@@ -16,7 +16,7 @@ from setid.errors import ModelError
 from setid.models.equations import Equation, Lagged, Term, Transfer, channel_of, term
 from setid.models.lti import Form, expand
 from setid.models.maps import StaticMap
-from setid.models.products import cut_products
+from setid.models.products import PRODUCT, cut_products
 
 __all__ = ["Block", "Maps", "Wiring"]
 
@@ -290,7 +290,7 @@ class Wiring:
 def _coupled(item: Term, weights: Collection[str]) -> bool:
     """Check for a product of parameters that meets powers of unknown samples."""
     several = len(item.parameters) > 1 and any(name in weights for name in item.parameters)
-    return several and any(s.signal.startswith("p[") for s in item.signals)
+    return several and any(s.signal.startswith(PRODUCT) for s in item.signals)
 
 
 def _text(monomial: tuple[Lagged, ...]) -> str:
