@@ -67,7 +67,7 @@ def test_other_claims_have_their_words(tmp_path: Path, capsys: pytest.CaptureFix
     [
         ("f.lp", "garbage here", "solve", "f.lp: expected a section keyword, found `garbage`"),
         ("f.lp", "", "solve", "f.lp: found no variables, expected a problem in this format"),
-        ("f.txt", "min x", "verify", "f.txt: JSON: Expecting value"),
+        ("f.txt", "min x", "verify", "f.txt: JSON: found no JSON (Expecting value"),
         ("f.json", "{}", "solve", "f.json: JSON.format: found nothing"),
         ("f.txt", "min x", "solve --format .gms", "f.txt:1: statement 'min x'"),
         ("f.txt", "{}", "solve --format .json", "f.txt: JSON.format: found nothing"),

@@ -585,8 +585,9 @@ def _from_unknown(model: Structure) -> Structure:
     check_structure(model)
     if not regression_of(model):
         raise ModelError(
-            "model: found no regression form, expected a structure whose outputs follow from "
-            "readings alone"
+            f"model: found {type(model).__name__} without a regression form, expected a structure "
+            "whose outputs follow from readings alone: for several inputs a transfer function "
+            "with common_denominator=True, or a PolynomialNARX"
         )
     return from_unknown_start(model)
 

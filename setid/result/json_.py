@@ -108,8 +108,8 @@ def from_json(text: str) -> Identification:
     """
     try:
         found = parsed(text)
-    except (ValueError, TypeError, RecursionError) as error:
-        raise SetidError(f"from_json: {error}, expected JSON text") from None
+    except ValueError as error:
+        raise SetidError(f"from_json: {error}") from None
     if type(found) is not dict:
         raise SetidError(f"from_json: found {text[:40]!r}, expected an object of JSON")
     head = [found.get(key) for key in ("format", "is", "version")]

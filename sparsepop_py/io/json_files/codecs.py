@@ -66,9 +66,19 @@ def parsed(source: str) -> Any:
     Raises
     ------
     ValueError
-        If the text is no such JSON.
+        If the text is no such JSON; the message says what was found and expected.
     """
-    return json.loads(source, object_pairs_hook=_distinct, parse_constant=_no_constant)
+    if not isinstance(source, str | bytes | bytearray):
+        raise ValueError(f"found {type(source).__name__}, expected JSON text")
+    try:
+        return json.loads(source, object_pairs_hook=_distinct, parse_constant=_no_constant)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise ValueError(f"found no JSON ({error.msg} at {place}), expected JSON text") from None
+    except UnicodeDecodeError:
+        raise ValueError("found bytes that are not UTF-8, expected JSON text") from None
+    except RecursionError:
+        raise ValueError("found objects or lists nested too deeply, expected JSON text") from None
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def from_json(source: str) -> Any:
     """
     try:
         found = codecs.parsed(source)
-    except (TypeError, ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ProblemError(f"JSON: {error}") from error
     if isinstance(found, dict) and "format" not in found and {"file", "sense"} <= set(found):
         raise ProblemError(

@@ -312,6 +312,14 @@ def test_continuous_structures_take_the_interval_of_either_place() -> None:
         setid.Recursive(setid.ContinuousTransferFunction(1, 0), setid.Noise(output=0.1))
 
 
+def test_structures_without_a_regression_form_are_named_with_what_would_do() -> None:
+    apart = setid.TransferFunction(1, 1, 1, inputs=2)
+    with pytest.raises(setid.ModelError, match="TransferFunction without .*common_denominator"):
+        setid.Recursive(apart, setid.Noise(equation=0.1))
+    together = setid.TransferFunction(1, 1, 1, inputs=2, common_denominator=True)
+    assert setid.Recursive(together, setid.Noise(equation=0.1)).update([1, 2], 0)
+
+
 def test_before_the_first_equation_priors_bound_and_nothing_else_is_claimed() -> None:
     """With a1 in [-1, 1] by a prior it is false that consistent a1 of any size exist."""
     priors = [setid.Stable(), setid.Box({"b1": (0, 3)}), setid.Box({"b1": (1, None)})]
