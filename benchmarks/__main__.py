@@ -300,7 +300,14 @@ def _ablation_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def _report_parser(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="JSON lines of `run`")
+    parser.add_argument(
+        "files",
+        nargs="*",
+        type=Path,
+        metavar="FILE",
+        default=[_RESULTS / "run.jsonl"],
+        help="JSON lines of `run`, default where it writes them",
+    )
     parser.add_argument("--no-plots", action="store_true", help="tables alone")
     parser.add_argument(
         "--unpublished",

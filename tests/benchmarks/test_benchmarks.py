@@ -169,6 +169,12 @@ def test_run_writes_lines_that_report_reads(tmp_path, capsys):
     assert (folder / "examples_phases.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_report_reads_what_run_wrote_last(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("benchmarks.__main__._RESULTS", tmp_path)
+    assert main(["report", "--no-plots"]) == 2
+    assert f"{tmp_path / 'run.jsonl'}: cannot be read" in capsys.readouterr().err
+
+
 def test_growth_builds_without_solving(tmp_path):
     lines = tmp_path / "growth.jsonl"
     command = ["run", "growth", "--sizes", "20", "40", "--repeat", "1", "--output", str(lines)]
