@@ -30,6 +30,7 @@ from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
 from setid.result.json_ import certificate_text
+from setid.result.page import require_software
 from setid.study import Study
 from setid.verify_command import add_verify, part_of
 from sparsepop_py.cli import (
@@ -130,6 +131,11 @@ def _parser() -> argparse.ArgumentParser:
         add_json(command)
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
+            command.add_argument(
+                "--report",
+                metavar="OUT.html",
+                help="write one page: data, assumptions, intervals, bands, residuals",
+            )
             command.add_argument(
                 "--certificate",
                 metavar="OUT.json",
@@ -264,6 +270,8 @@ def _options(arguments: argparse.Namespace) -> Options:
 
 def _identify(arguments: argparse.Namespace) -> int:
     check_outputs(arguments)
+    if arguments.report:
+        require_software()
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     checked = result.verify(data) if arguments.verify else None
@@ -276,6 +284,8 @@ def _identify(arguments: argparse.Namespace) -> int:
         write_text(arguments.certificate, certificate_text(result) + "\n")
     if arguments.plot:
         _save(result, arguments.plot)
+    if arguments.report:
+        result.report(arguments.report)
     if checked is not None and not checked:
         return EXIT_OPEN
     if result.empty:

@@ -327,7 +327,7 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
 
 
-_OUTPUTS = ("json", "certificate", "plot")
+_OUTPUTS = ("json", "certificate", "plot", "report")
 
 
 def add_json(command: argparse.ArgumentParser) -> None:
@@ -353,7 +353,8 @@ def check_outputs(arguments: argparse.Namespace) -> None:
     Parameters
     ----------
     arguments : argparse.Namespace
-        With ``json`` and possibly ``plot``, ``certificate`` and the input ``file`` or ``record``.
+        With ``json`` and possibly ``plot``, ``report``, ``certificate`` and the input ``file`` or
+        ``record``.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from setid.errors import SetidError
 from setid.feasible_points.inner_ends import loosened
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import InUnits, in_units
+from setid.html import listing, section
+from setid.html import table as html_table
 from setid.options import Options, checked_options
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Verification
@@ -38,6 +40,9 @@ from sparsepop_py.io.json_files.certificates import CERTIFICATES
 from sparsepop_py.io.json_files.codecs import optional, parsed
 from sparsepop_py.io.json_files.values import PROVED_POINT
 from sparsepop_py.verified.arithmetic.display import rounded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Reparametrisation", "reparametrise"]
 
@@ -103,21 +108,42 @@ class Reparametrisation:
         """Write the table, what the status means, and what is taken for granted."""
         lines = [self.table(), f"{self.status}: {self.status.message}"]
         lines += [f"note: {text}" for text in self.notes]
-        granted = [*self.identification.assumptions, f"prior: {self.physical!r}"]
-        return "\n".join([*lines, "taken for granted:", *(f"- {text}" for text in granted)])
+        return "\n".join([*lines, "taken for granted:", *(f"- {text}" for text in self._granted())])
 
     def table(self) -> str:
         """Write the intervals as text, one row a parameter; outer ends rounded outwards."""
         line = "{:<12}{:>15}{:>15}{:>15}{:>15}  {}"
         lines = [line.format("parameter", "outer", "", "inner", "", "status")]
+        return "\n".join([*lines, *(line.format(*row) for row in self._rows())])
+
+    def _rows(self) -> list[tuple[object, ...]]:
+        rows: list[tuple[object, ...]] = []
         for name, item in self.intervals.items():
             outer = rounded(item.outer[0], False, 8), rounded(item.outer[1], True, 8)
             inner = ("-", "-")
             if item.inner is not None:
                 inner = rounded(item.inner[0], True, 8), rounded(item.inner[1], False, 8)
             outer = ("empty", "") if self.empty else outer
-            lines.append(line.format(name, *outer, *inner, item.status))
-        return "\n".join(lines)
+            rows.append((name, *outer, *inner, item.status))
+        return rows
+
+    def _granted(self) -> list[str]:
+        return [*self.identification.assumptions, f"prior: {self.physical!r}"]
+
+    def _repr_html_(self) -> str:
+        head = ["parameter", "outer (proved)", "", "inner (attained)", "", "status"]
+        return section(
+            "physical parameters",
+            html_table(head, self._rows()),
+            listing("notes", self.notes),
+            listing("taken for granted", self._granted()),
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the interval of each physical parameter; returns the axes."""
+        from setid.plots.intervals import plot_intervals
+
+        return plot_intervals(self, ax)
 
     def verify(self, data: IOData | None = None) -> Verification:
         """Check every claim again from the data, without any solver.

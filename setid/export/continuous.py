@@ -8,7 +8,7 @@ box, and a member without a real logarithm has no image at all.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.checked_structures import coefficients_of
 from setid.models.continuous import INDIRECT_WARNING
 from sparsepop_py.algebra.read_only import ReadOnly
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["ContinuousEstimate", "to_continuous"]
 
@@ -84,6 +87,12 @@ class ContinuousEstimate(ReadOnly):
         for name, value, (low, high) in zip(self.names, self.nominal, self.ranges, strict=True):
             lines.append(line.format(name, f"{value:.6g}", f"{low:.6g}", f"{high:.6g}"))
         return "\n".join([*lines, f"sampled, not proved: {self.warning}"])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the sampled range of each coefficient; returns the axes."""
+        from setid.plots.intervals import plot_ranges
+
+        return plot_ranges(self, ax)
 
 
 def to_continuous(

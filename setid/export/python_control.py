@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,9 @@ from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid, transfer_of
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.display import rounded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 
@@ -75,6 +78,12 @@ class ControlModels(ReadOnly):
         largest = rounded(float(np.max(self.radius, initial=0.0)), True, 3)
         text = f"{len(self.vertices)} vertices, radius up to {largest}"
         return f"<ControlModels: {text}, {self.label}>"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the radius and the weight over the frequency; returns the axes."""
+        from setid.plots.responses import plot_uncertainty
+
+        return plot_uncertainty(self, ax)
 
 
 def to_control(

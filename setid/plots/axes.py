@@ -89,7 +89,7 @@ def stacked_axes(ax: Any, count: int, height: float) -> NDArray[Any]:
     if ax is not None:
         given = np.ravel(np.asarray(ax, object))
         if given.size != count:
-            raise SetidError(f"ax: found {given.size} axes, expected {count}, one a channel")
+            raise SetidError(f"ax: found {given.size} axes, expected {count}, one below the other")
         return np.array([new_axes(each) for each in given], object)
     size = (8.0, height * count + 0.8)
     _, grid = plt.subplots(count, 1, sharex=True, squeeze=False, figsize=size, layout="constrained")

@@ -1,4 +1,4 @@
-"""Pictures of bands of frequency and step responses."""
+"""Pictures of bands of frequency and step responses, and of the uncertainty about a model."""
 
 from __future__ import annotations
 
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 
     from setid.bands.responses import FrequencyBand
     from setid.bands.steps import StepBand
+    from setid.export.python_control import ControlModels
 
-__all__ = ["plot_frequency_band", "plot_step_band"]
+__all__ = ["plot_frequency_band", "plot_step_band", "plot_uncertainty"]
 
 Reals = NDArray[np.float64]
 
@@ -196,6 +197,36 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     axes.set_xlabel(time_label(band.time_unit))
     output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
     axes.set_ylabel(plain(f"{output} for a step in {input_}"))
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best")
+    return axes
+
+
+def plot_uncertainty(models: ControlModels, ax: Axes | None = None) -> Axes:
+    """Draw the relative distance of models from the nominal one, and the weight that covers it.
+
+    Parameters
+    ----------
+    models : ControlModels
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+        One line a pair of channels.
+    """
+    axes = new_axes(ax)
+    colour = COLOUR["sampled" if models.label == "sampled" else "proved"]
+    radius = models.radius.reshape(models.omega.size, -1)
+    axes.plot(models.omega, radius, color=colour)
+    axes.lines[-1].set_label(f"|G / G0 - 1|, {models.label}")
+    if models.weight is not None:
+        step = models.weight.dt
+        at = np.exp(1j * models.omega * step) if step else 1j * models.omega
+        axes.plot(models.omega, np.abs(models.weight(at)), "--", color=ink(), label="weight")
+    axes.set_xscale("log")
+    axes.set_xlabel("frequency, rad per unit of time")
+    axes.set_ylabel("relative distance from the nominal model")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     return axes

@@ -112,8 +112,7 @@ def report(
     if validation is not None:
         check_channels(validation, result.formulation.model)
     check_writable(str(as_path(path)), "path")
-    environment = _environment()
-    plt = require_matplotlib()
+    environment, plt = require_software()
     pairs = [] if result.empty else _pairs(result)
     count = 1 if result.empty else 2 * len(pairs) + 5
     works = _Works(count, time_limit, Line(result.options.progress))
@@ -141,6 +140,17 @@ def _of_status(result: Identification, said: list[str]) -> str:
     """Take the sentence on the status from the advice, which does not advise what was used."""
     lines = [line for line in said if line.startswith(f"{result.status}: ")]
     return lines[0] if lines else f"{result.status}: {result.status.message}"
+
+
+def require_software() -> tuple[jinja2.Environment, Any]:
+    """Import what makes pages: an environment of jinja2, and pyplot of matplotlib.
+
+    Raises
+    ------
+    SolverNotFound
+        If one is missing; the message says how to install it.
+    """
+    return _environment(), require_matplotlib()
 
 
 def _environment() -> jinja2.Environment:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from setid.models.continuous import at_rate, interval_of
 from setid.models.equations import Equation, Structure, channel_of
 from setid.simulation.recursions import solve_equations
 from sparsepop_py.algebra.read_only import ReadOnly
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Simulated", "in_order", "simulate", "simulate_record"]
 
@@ -59,6 +63,10 @@ class Simulated(ReadOnly):
     def __repr__(self) -> str:
         values = ", ".join(f"{name} = {value:.6g}" for name, value in self.theta.items())
         return f"<Simulated: {values}, {f'{self.data!r}'[1:-1]}>"
+
+    def plot(self, ax: Any = None) -> NDArray[Any] | Axes:
+        """Draw the record, as :meth:`IOData.plot`; returns the axes."""
+        return self.data.plot(ax)
 
 
 def simulate(

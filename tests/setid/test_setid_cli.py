@@ -49,6 +49,26 @@ def test_identify_writes_json_and_a_picture(record: str, tmp_path: Path) -> None
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_identify_writes_a_page(record: str, tmp_path: Path) -> None:
+    page = tmp_path / "out.html"
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--report", str(page)]
+    assert main(arguments) == cli.EXIT_PROVED
+    assert "What is taken for granted" in page.read_text(encoding="utf-8")
+
+
+def test_software_of_pages_is_missed_before_the_work(
+    record: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5"]
+    assert main([*arguments, "--report", str(tmp_path / "out.html")]) == cli.EXIT_MISSING
+    printed = capsys.readouterr()
+    assert printed.out == "" and "jinja2 is missing" in printed.err
+
+
 def test_json_alone(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", record, *FIRST, "--equation-noise", "0.5", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["file"] == record
@@ -248,7 +268,7 @@ def test_as_a_module(record: str) -> None:
     assert done.returncode == 0 and "certified" in done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("option", ["--json", "--plot"])
+@pytest.mark.parametrize("option", ["--json", "--plot", "--report"])
 def test_outputs_that_cannot_be_written_are_named_before_the_work(
     record: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
 ) -> None:

@@ -10,7 +10,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import setid
+from sparsepop_py.verified.arithmetic.display import rounded
 
+FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
 STYLES = ["default", "dark_background"]
 
 
@@ -19,6 +21,17 @@ def selection() -> setid.Selection:
     y = setid.simulate(setid.TransferFunction(1, 2), [-0.5, 0, 1], u)
     data, noise = setid.IOData(u, y), setid.Noise(equation=1e-3)
     return setid.select(data, setid.TransferFunction, noise, [0, 1])
+
+
+def first_order() -> setid.Identification:
+    y = [0.0, 1.0, 0.5, 2.25, 2.125, 1.0625]
+    data = setid.IOData([1, 0, 2, 1, 0, 1], y, Ts=0.5)
+    return setid.identify(data, FIRST, setid.Noise(equation=0.05))
+
+
+def physical() -> setid.Reparametrisation:
+    gain = setid.Physical({"K": (0.1, 10.0)}, ["b1 = K*(1 + a1)"])
+    return setid.reparametrise(first_order(), gain)
 
 
 def noise_level() -> setid.Consistency:
@@ -38,6 +51,10 @@ def things(result: setid.Identification) -> dict[str, tuple[Any, int]]:
         "set": (result.fps("a1", "a2", 8), 1),
         "selection": (selection(), 1),
         "noise": (noise_level(), 1),
+        "physical": (physical(), 1),
+        "continuous": (setid.to_continuous(first_order()), 1),
+        "control": (first_order().to_control(), 1),
+        "simulated": (setid.simulate_record(FIRST, [-0.5, 1], [1, 0, 2], setid.Noise(0.1)), 2),
         "frequencies": (setid.frequency_band(result, [0.1, 1.0]), 2),
         "step": (setid.step_band(result, 8), 1),
     }
@@ -52,6 +69,10 @@ NAMES = [
     "set",
     "selection",
     "noise",
+    "physical",
+    "continuous",
+    "control",
+    "simulated",
 ]
 
 
@@ -132,3 +153,30 @@ def test_samples_are_counted_from_zero(result: setid.Identification) -> None:
     ax = found.plot()
     assert np.array_equal(ax.get_lines()[0].get_xdata(), found.row)
     assert found.row[0] == 2  # the third sample is the first with two before it
+
+
+def test_physical_parameters_are_drawn_as_the_others() -> None:
+    found = physical()
+    labels = [text.get_text() for text in found.plot().get_yticklabels()]
+    low, high = found.intervals["K"].outer
+    assert low <= 2.0 <= high  # the static gain 1/(1 - 1/2) of the record without noise
+    assert labels == [f"K in [{rounded(low, False, 5)}, {rounded(high, True, 5)}]"]
+    page = found._repr_html_()
+    assert "outer (proved)" in page and rounded(low, False, 8) in page
+
+
+def test_sampled_ranges_are_drawn_about_the_nominal_value() -> None:
+    found = setid.ContinuousEstimate(
+        "sampled", "zoh", ("a0", "b0"), np.array([2.0, 0.0]), np.array([[1.9, -1], [2.2, 3]]), 0, ""
+    )
+    lines = found.plot().get_lines()
+    assert lines[0].get_xdata() == pytest.approx([-5.0, 10.0])  # per cent of 2
+    assert lines[2].get_xdata() == pytest.approx([-50.0, 150.0])  # of half the range 4
+
+
+def test_radius_and_weight_are_drawn_over_the_frequency() -> None:
+    models = first_order().to_control()
+    radius, weight = models.plot().get_lines()
+    assert np.array_equal(radius.get_xdata(), models.omega)
+    assert np.array_equal(radius.get_ydata(), models.radius)
+    assert np.all(np.asarray(weight.get_ydata()) >= models.radius * (1 - 1e-9))
