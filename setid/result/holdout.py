@@ -11,7 +11,7 @@ import numpy as np
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
-from setid.minimum_noise.consistency_result import ends_of
+from setid.minimum_noise.consistency_result import READ_OFF, ends_of
 from setid.models.continuous import without_delta
 from setid.models.general import from_unknown_start
 from setid.priors import Box
@@ -88,7 +88,10 @@ class Holdout:
             ),
         }[self.holds]
         factor = f"least factor on {self.level.noise.scaled}: {ends_of(self.scale, 4)}"
-        return f"{what} ({self.data.samples} samples): {who}; {factor}"
+        text = f"{what} ({self.data.samples} samples): {who}; {factor}"
+        if any(READ_OFF in said for said in self.level.noise.assumptions):
+            text += "; that is a test only where the bounds were not read off this part as well"
+        return text
 
     def verify(self, known: Formulation, intervals: Intervals) -> Verification:
         """Check both ends again, for members of the outer box of an identification.

@@ -185,3 +185,12 @@ def test_texts_say_that_each_part_may_be_explained_where_both_together_are_not()
     assert "no parameter vector explains both within the noise bounds" in said
     both = setid.consistency(setid.IOData.concat([first, second]), line, setid.Noise(equation=1))
     assert both.scale == pytest.approx((2.5, 2.5))  # 10 b + c is 5 from 10 and from 15 at best
+
+
+def test_bounds_read_off_the_held_out_part_too_are_said_to_be_untested_by_it() -> None:
+    data = record(setid.Noise(equation=0.05))
+    bound = setid.consistency(data, MODEL, setid.Noise(equation=1.0), options=FAST)
+    whole = setid.identify(data, MODEL, bound.noise_bound(1.05), options=FAST, holdout=0.5)
+    assert whole.holdout is not None and "a test only where the bounds were not" in whole.summary()
+    assert whole.holdout.scale[1] <= 1 / 1.05 + 1e-6  # the factor 1.05 of the whole record
+    assert "a test only" not in linear().summary()
