@@ -211,7 +211,8 @@ class ExactGram:
         if rest.any():
             return None, 0
         size = self.basis.shape[0]
-        low, high = np.minimum(self.first, self.second), np.maximum(self.first, self.second)
+        pairs = self.first.astype(np.int64), self.second.astype(np.int64)  # their keys are long
+        low, high = np.minimum(*pairs), np.maximum(*pairs)
         key, at = np.unique(low * size + high, return_inverse=True)
         total = np.zeros(key.size, np.int64)
         np.add.at(total, at, value)
@@ -251,6 +252,7 @@ class ExactGram:
                 _add(rows, i, j, rest[place] / (1 if i == j else 2))
             elif rest[place]:
                 return None
+        rows[0].pop(0, None)  # open, however often it is listed
         return rows
 
 

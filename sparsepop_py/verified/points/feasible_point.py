@@ -150,6 +150,8 @@ def prove_point(
     -------
     ProvedPoint or None
     """
+    x = np.asarray(x, float)  # short floats would round enclosures inwards, short integers wrap
+    rows, solved = np.asarray(rows, np.int64), np.asarray(solved, np.int64)
     distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
     if not distinct or rows.size != solved.size:
         return None

@@ -216,3 +216,25 @@ def test_what_was_eliminated_last_is_taken_for_the_same_numbers_alone():
     assert gram.bound(f) == 0.0
     gram.value[-1] = -1.125
     assert gram.bound(f) == 1.0 - 1.125**2
+
+
+@pytest.mark.parametrize("n", [5, 45, 220])
+@pytest.mark.parametrize("value", [1e6, -1e6])
+def test_the_entry_of_the_constant_is_open_however_often_it_is_listed(n, value):
+    """(x_1 + ... + x_n)^2 has the minimum 0, by a Gram matrix full of ones."""
+    basis = np.arange(n + 1, dtype=np.int32)[:, None]
+    low, high = np.tril_indices(n)
+    first, second = np.append([0, 0, 0], high + 1), np.append([0, 0, 0], low + 1)
+    values = np.append([0.0, value, value], np.ones(low.size))
+    words = np.stack([second, first], axis=1)[3:].astype(np.int32)
+    square = sp.Polynomial.from_words(words[:, ::-1], np.where(low == high, 1.0, 2.0), n)
+    assert ExactGram(basis, first, second, values).bound(square) == 0.0
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.int64])
+def test_places_of_long_bases_do_not_wrap(kind):
+    """2 x_1^2 - x_k^2 of 2^17 - 2 variables: places k 2^17 and 2^17 differ by 2^32."""
+    n, k = 2**17 - 2, 2**15 + 1
+    f = sp.Polynomial.from_words(np.array([[1, 1], [k, k]], np.int32), np.array([2.0, -1.0]), n)
+    basis, place = np.arange(n + 1, dtype=np.int32)[:, None], np.array([1, k], kind)
+    assert ExactGram(basis, place, place, np.zeros(2)).bound(f) == -INF

@@ -288,3 +288,37 @@ def test_constraints_alike_a_row_are_zero_with_it(rows, feasible):
     assert (found is not None) == feasible
     if found is not None:
         assert abs(found.x[1] - 1.0) <= 2e-9 and found.recheck(problem) is not None
+
+
+# ---- short numbers ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("proof", ["krawczyk", "substitution"])
+@pytest.mark.parametrize("third", [1 / 3, -1 / 3])
+def test_short_floats_do_not_round_enclosures_inwards(proof, third):
+    """The zero is a third; the float of 32 bits next to it is 1e-8 larger in size."""
+    short = np.array([third, third], np.float32)
+    inner, outer = sorted([1.000000001 * third, 1.1 * third])
+    problem = sp.Problem(x, [3 * x == np.sign(third), y - x == 0], inner, outer)
+    pair = np.array([0, 1])
+    assert prove_point(problem, short, pair, pair, proof) is None
+    assert ProvedPoint(short, 0.0, 0.0, proof, pair, pair).recheck(problem) is None
+    wider = sp.Problem(x, problem.constraints, -1.0, 1.0)
+    good = ProvedPoint(short, 0.0, 0.0, proof, pair, pair).recheck(wider)
+    assert good is not None and Fraction(good.value) >= Fraction(int(np.sign(third)), 3)
+
+
+def test_the_radius_of_a_point_of_short_floats_reaches_it():
+    problem = sp.Problem(z, [3 * z == 1])
+    found = prove_point(problem, np.zeros(1, np.float32), ROW, ROW, "exact")
+    assert abs(Fraction(float(found.x[0])) - Fraction(1, 3)) <= Fraction(found.radius)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32])
+def test_short_integers_do_not_wrap(kind):
+    """The letter of variable 127, from 0, is 128."""
+    unknowns = sp.variables(128)
+    problem = sp.Problem(unknowns[0], [2 * unknowns[127] == 1], 0, 1)
+    row, solved = np.array([0], kind), np.array([127], kind)
+    found = prove_point(problem, np.zeros(128), row, solved, "substitution")
+    assert found is not None and found.x[127] == 0.5
