@@ -21,6 +21,7 @@ from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import reference_follows, unidentifiable
+from sparsepop_py.verified.arithmetic.interval import require_ieee
 
 __all__ = ["verify"]
 
@@ -39,6 +40,7 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
     Verification
         True where every claim holds; no value of a solver is trusted.
     """
+    require_ieee()
     given = claims.formulation
     record = given.data if data is None else data
     try:

@@ -21,7 +21,7 @@ from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
-from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.certificate.certificate import Verdict
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron
 
@@ -101,6 +101,7 @@ class LinearBound(ReadOnly):
             If the problem is none, or the objective or a constraint is not linear.
         """
         check_linear(problem, [objective])
+        require_ieee()
         rows = Polyhedron.of(problem)
         bound, reason = self._bound(rows, objective)
         reason = reason or self._point_fails(rows, objective) or self._misstated()

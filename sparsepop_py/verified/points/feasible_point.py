@@ -33,7 +33,7 @@ from sparsepop_py.errors import ProblemError, check_kind
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
-from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values, require_ieee
 from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.arithmetic.rational import solve_rationally
@@ -150,6 +150,7 @@ def prove_point(
     -------
     ProvedPoint or None
     """
+    require_ieee()
     x = np.asarray(x, float)  # short floats would round enclosures inwards, short integers wrap
     rows, solved = np.asarray(rows, np.int64), np.asarray(solved, np.int64)
     distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size

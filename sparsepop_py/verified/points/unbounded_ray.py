@@ -21,6 +21,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
+from sparsepop_py.verified.arithmetic.interval import require_ieee
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, exact_coordinates
 
 __all__ = ["falling_ray"]
@@ -46,6 +47,7 @@ def falling_ray(
     -------
     (n,) float or None
     """
+    require_ieee()
     fits = known is None or (known.shape == start.x.shape and np.all(np.isfinite(known)))
     if start.proof != "exact" or problem.dimension > _LIMIT or not fits:
         return None

@@ -23,6 +23,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, variab
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import frozen
+from sparsepop_py.verified.arithmetic.interval import require_ieee
 from sparsepop_py.verified.certificate.linear_bound import LinearBound
 from sparsepop_py.verified.uncertain_rows.box import Bounds, Box
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
@@ -132,6 +133,7 @@ class ParameterBox(Bounds):
         start : (2, p) float
             Bounds that are known already.
         """
+        require_ieee()
         box = (start[0], start[1])
         for step in self.steps:
             if isinstance(step, LeftInverse):
@@ -194,6 +196,8 @@ def halves(box: Box, place: int) -> tuple[Box, Box]:
 
 
 def _replay(tree: SignTree, rows: UncertainRows, box: Box) -> Box | None:
+    if np.any(box[0] > box[1]):  # nothing is in it
+        return box
     if tree.split >= 0:
         if len(tree.children) != 2 or tree.split >= len(rows.names):
             return None

@@ -21,6 +21,7 @@ from setid.identify import identify
 from setid.proofs.evidence import EndProof, Evidence
 from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.verification import _reached, verify
+from sparsepop_py.verified.arithmetic import interval as rounding
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
 FIRST = setid.TransferFunction(na=1, nb=1)
@@ -63,6 +64,16 @@ def nudged(claims: Evidence, name: str, which: str, end: int, inwards: bool) -> 
     ends = list(getattr(claims.intervals[name], which))
     ends[end] += 1e-9 if (end == 0) == inwards else -1e-9
     return with_interval(claims, name, **{which: tuple(ends)})
+
+
+def test_processes_that_flush_subnormal_numbers_verify_nothing(linear, monkeypatch):
+    """Not even that a record is another one: closed forms of some proofs ask no further."""
+    other = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.5])
+    assert verify(linear) and not verify(linear, other)
+    monkeypatch.setattr(rounding, "_TINY", 0.0)  # what a flushed product looks like
+    for record in (None, other):
+        with pytest.raises(FloatingPointError, match="IEEE"):
+            verify(linear, record)
 
 
 # ---- all kinds of evidence ------------------------------------------------------------------

@@ -326,3 +326,16 @@ def test_a_left_inverse_that_fails_ends_the_proof():
     assert not box_of(("m",), [1.39], [2.61], ANY, good, bad).verify(BALANCE, ANY)
     assert not box_of(("m",), [1.41], [2.61], ANY, good).verify(BALANCE, ANY)
     assert not box_of(("m",), [1.39], [2.59], ANY, good).verify(BALANCE, ANY)
+
+
+def test_half_of_a_box_that_holds_no_point_needs_no_proof():
+    """m = 2 lies above zero: the half below is empty, whatever is written there."""
+    rows, start = one_row(-2.0, 1.0), np.array([[1.0], [3.0]])
+    none, kept = (
+        SignTree(-1, (), (LinearBound("INFEASIBLE", INF, INF, None, ()),)),
+        SignTree(-1, (), ()),
+    )
+    tree = SignTree(0, (none, kept), ())
+    assert ParameterBox(("m",), start[0], start[1], start, (tree,)).verify(rows, start)
+    swapped = SignTree(0, (kept, none), ())
+    assert not ParameterBox(("m",), start[0], start[1], start, (swapped,)).verify(rows, start)
