@@ -39,6 +39,7 @@ __all__ = [
     "check",
     "counting_from",
     "cpu_seconds",
+    "importing",
     "iterations_left",
     "meter",
     "outlasts",
@@ -55,6 +56,7 @@ _MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that i
 _UNIT = 2.0**36  # parts of a unit of work: sums of them are exact in any order
 _OVERWORK = 2.0  # times the work left that a step may be expected to need,
 _LEAST_WORK = 0.2  # and units of work beyond that: small steps are done in any case
+_imports = 0.0  # CPU seconds of this process in which modules were loaded
 
 
 class _Meter:
@@ -230,6 +232,30 @@ def cpu_seconds() -> float:
     return time.process_time() + _KEPT.charged
 
 
+@contextmanager
+def importing() -> Iterator[None]:
+    """Leave what happens once in a process, such as an import, out of costs that are compared.
+
+    The adaptive search would take a first solve for slow, and what follows it too.
+
+    Examples
+    --------
+    >>> from sparsepop_py.budget import Deadline, importing
+    >>> deadline = Deadline(None)
+    >>> before = deadline.now()
+    >>> with importing():
+    ...     total = sum(range(10**6))
+    >>> deadline.now() - before < 0.001
+    True
+    """
+    global _imports
+    before = time.process_time(), _imports
+    try:
+        yield
+    finally:  # what is imported may import in turn
+        _imports = before[1] + time.process_time() - before[0]
+
+
 def charge(seconds: float) -> None:
     """Count CPU seconds that another process spent for the work of this thread."""
     _KEPT.cpu -= seconds
@@ -346,8 +372,11 @@ class Deadline:
         return self._last is not None
 
     def now(self) -> float:
-        """Return CPU seconds, or units of work under a work limit; only differences matter."""
-        return spent() if self.counts_work else time.process_time()
+        """Return CPU seconds without imports, or units of work under a work limit.
+
+        Only differences matter.
+        """
+        return spent() if self.counts_work else time.process_time() - _imports
 
     @property
     def left(self) -> float | None:

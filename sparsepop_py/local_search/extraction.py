@@ -23,6 +23,7 @@ from scipy import linalg
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.budget import importing
 from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["candidates", "combine", "extract", "means"]
@@ -147,7 +148,8 @@ def _roots(
     first, second = (words[mixed, k].astype(np.int64) - 1 for k in (-2, -1))
     inside = np.isin(first, either) & np.isin(second, either) & (first != second)
     value = moments[mixed[inside] + 1]
-    import networkx as nx
+    with importing():
+        import networkx as nx
 
     graph = nx.Graph()
     graph.add_nodes_from(either.tolist())

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from typing import Any, Generic, TypeVar
 
-from sparsepop_py.budget import LimitReached
+from sparsepop_py.budget import LimitReached, importing
 from sparsepop_py.errors import SparsePOPError
 
 __all__ = ["Registry"]
@@ -89,7 +89,8 @@ class Registry(Generic[Entry]):
     def _loaded(self, name: str, place: str) -> Entry:
         module, _, attribute = place.partition(":")
         try:
-            entry: Entry = getattr(import_module(module), attribute)
+            with importing():
+                entry: Entry = getattr(import_module(module), attribute)
         except (ImportError, AttributeError) as error:
             raise self._error(
                 f"{self.kind} {name!r}: found nothing at {place!r}: {error}"

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import charge
+from sparsepop_py.budget import charge, importing
 from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, solution
 from sparsepop_py.executors.processes import Processes, WorkerLost
 from sparsepop_py.solvers.interface import SolverSettings
@@ -70,7 +70,8 @@ class Output:
 
 
 def _settings(asked: SolverSettings) -> Any:
-    import clarabel
+    with importing():
+        import clarabel
 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -83,7 +84,8 @@ def _settings(asked: SolverSettings) -> Any:
 
 
 def _cones(cones: Cones) -> list[Any]:
-    import clarabel
+    with importing():
+        import clarabel
 
     listed: list[Any] = []
     if cones.zero:
@@ -127,7 +129,8 @@ def _may_overrun(entries: int, limit: float) -> bool:
 
 
 def _solved(hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings) -> Output:
-    import clarabel
+    with importing():
+        import clarabel
 
     start = time.process_time()
     try:

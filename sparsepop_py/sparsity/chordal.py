@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.budget import check
+from sparsepop_py.budget import check, importing
 from sparsepop_py.errors import ProblemError
 
 __all__ = ["Members", "Method", "chordal_extension", "clique_tree", "incidence", "join"]
@@ -192,7 +192,8 @@ def _filled(groups: list[list[int]], size: int) -> sps.csr_array:
 
 
 def _networkx(graph: sps.csr_array) -> Any:
-    import networkx as nx
+    with importing():
+        import networkx as nx
 
     plain = nx.Graph()
     plain.add_nodes_from(range(graph.shape[0]))

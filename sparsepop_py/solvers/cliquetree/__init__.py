@@ -29,6 +29,7 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
+from sparsepop_py.budget import importing
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers.cliquetree.iterations.interior import minimise
@@ -153,6 +154,9 @@ def run(
     try:
         numbers = Numbers.of(program, symbolic, workers)
         deadline = None if time_limit is None else opened + time_limit
+        if symbolic.compiled and not compiled_kernels().factorize.signatures:
+            with importing():  # the first call of each kernel loads or makes its machine code
+                minimise(numbers, replace(settings, iterations=1), deadline=deadline)
         scaled = None if target is None else (target - program.offset) / numbers.unit
         outcome = _attempts(numbers, settings, start, scaled, deadline)
     finally:

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_triangular
 
+from sparsepop_py.budget import importing
+
 __all__ = [
     "OutOfTime",
     "Workers",
@@ -99,7 +101,8 @@ def compiled_kernels() -> ModuleType:
     if found is not None:
         return found
     try:
-        return import_module(_COMPILED)
+        with importing():
+            return import_module(_COMPILED)
     except RuntimeError as error:  # numba finds no place for its cache
         raise ImportError(str(error)) from error
 
