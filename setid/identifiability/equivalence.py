@@ -16,6 +16,7 @@ from setid.data.checks import number, parameters_of
 from setid.errors import ModelError, SetidError
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
 from setid.models.block import BlockStructured, Lure, Normalise
+from setid.proofs.intervals import IntervalStatus
 from setid.proofs.uniqueness.normalisation import (
     check_restrictions,
     convert_ends,
@@ -93,6 +94,9 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     ModelError
         If a quantity that is to be fixed may be zero, or if a fixed value of the result is more
         than a normalisation (the signal is summed with an input, say) and would not stay.
+    SetidError
+        If the set of the result is empty: systems in which what it fixes is zero may be
+        consistent.
 
     Examples
     --------
@@ -109,6 +113,8 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     if not isinstance(model, BlockStructured):
         raise ModelError(f"result: found a {type(model).__name__}, expected a block structure")
     check_restrictions(model, model.normalised(normalise))
+    if any(item.status is IntervalStatus.EMPTY for item in result.intervals.values()):
+        raise SetidError("result: found an empty set, expected intervals that can be converted")
     ends = {name: item.outer for name, item in result.intervals.items()}
     return convert_ends(model, ends, normalise)
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
-from itertools import product
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -310,14 +310,10 @@ def _scales(goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
         if value
     ]
     for name in (name for name, value in goal.fixed if not value):
-        _check_kept(f"{name} = 0", plus((1.0, 1.0), full[name]))
+        _check_value(name, 0.0, full[name])
     for label in goal.unit_gain:
-        block = goal.linear_blocks[label]
-        top = plus((1.0, 1.0), sum_of([full[n] for n in block.denominator]))
-        below = sum_of([full[n] for n in block.numerator])
-        asked.append(
-            (f"static gain of {label}", quotient(top, below), exponents[block.numerator[0]])
-        )
+        powers = exponents[goal.linear_blocks[label].numerator[0]]
+        asked.append((f"static gain of {label}", _inverse_gain(goal, label, full), powers))
     open_ = list(asked)
     while open_:
         ready = [a for a in open_ if len(set(a[2]) - set(found)) <= 1]
@@ -357,9 +353,22 @@ def _check_kept(text: str, ratio: Ends) -> None:
     """Refuse a condition that no scale can bring about, and that does not hold already."""
     if not (ratio[0] <= 1.0 + _KEPT and ratio[1] >= 1.0 - _KEPT):
         raise ModelError(
-            f"normalise: found {text}, which no scale of an internal signal brings about, expected "
-            "a quantity that such a scale changes, or the value that it has"
+            f"normalise: found {text}, which no scale of an internal signal and no shift of a loop "
+            "brings about, expected a quantity that these change, or the value that it has"
         )
+
+
+def _check_value(name: str, value: float, ends: Ends) -> None:
+    """Refuse the value of a coefficient that does not lie within its ends."""
+    ratio = quotient((value, value), ends) if value else plus((1.0, 1.0), ends)
+    _check_kept(f"{name} = {value:g}", ratio)
+
+
+def _inverse_gain(model: BlockStructured, label: str, ends: Mapping[str, Ends]) -> Ends:
+    """Bound one over the static gain of a block."""
+    block = model.linear_blocks[label]
+    top = plus((1.0, 1.0), sum_of([ends[n] for n in block.denominator]))
+    return quotient(top, sum_of([ends[n] for n in block.numerator]))
 
 
 def check_restrictions(model: BlockStructured, goal: BlockStructured) -> None:
@@ -378,26 +387,57 @@ def check_restrictions(model: BlockStructured, goal: BlockStructured) -> None:
     ModelError
         That names the condition.
     """
-    exponents = _exponents(model)
-    blocks = [(label, model.linear_blocks[label].numerator[0]) for label in model.unit_gain]
-    scaling = [name for name, value in model.fixed if value and exponents.get(name)]
-    scaling += [label for label, name in blocks if exponents.get(name)]
-    several = len(scaling) > len(scaled_signals(model))
+    settling = _settling(model)
+    several = not _bring_all_about(list(settling.values()))
     left = [
         name
         for name, value in model.fixed
-        if (several or name not in scaling) and (name, value) not in goal.fixed
+        if (several or name not in settling) and (name, value) not in goal.fixed
     ]
     left += [
         f"static gain of {label}"
         for label in model.unit_gain
-        if (several or label not in scaling) and label not in goal.unit_gain
+        if (several or label not in settling) and label not in goal.unit_gain
     ]
-    if left and not isinstance(model, Lure):
+    if left:
         raise ModelError(
             f"normalise: found none of {left[0]}, whose value is more than a normalisation of "
             "this result, expected the same value"
         )
+
+
+def _settling(model: BlockStructured) -> dict[str, tuple[int, ...]]:
+    """Conditions that scales or a shift of a loop change, with the exponents of these."""
+    if isinstance(model, Lure):
+        moved = _moved_by_shift(model)
+        names = [name for name, _ in model.fixed if name in moved]
+        return dict.fromkeys([*names, *(model.unit_gain if moved else ())], (1,))
+    exponents, signals = _exponents(model), scaled_signals(model)
+    asked = [(name, name) for name, value in model.fixed if value]
+    asked += [(label, model.linear_blocks[label].numerator[0]) for label in model.unit_gain]
+    return {
+        text: tuple(exponents[name].get(signal, 0) for signal in signals)
+        for text, name in asked
+        if exponents.get(name)
+    }
+
+
+def _bring_all_about(rows: Sequence[tuple[int, ...]]) -> bool:
+    """Check that scales bring about any values, of each sign: no sum of rows is even."""
+    if not rows or len(rows) > len(rows[0]):
+        return not rows
+    sums = (some for count in range(1, len(rows) + 1) for some in combinations(rows, count))
+    return all(any(sum(column) % 2 for column in zip(*some, strict=True)) for some in sums)
+
+
+def _moved_by_shift(model: BlockStructured) -> frozenset[str]:
+    """Parameters of a loop y = G (u - N(y)) that a shift changes; none where it has no shift."""
+    transfer, (_, item) = model.wiring.transfer(model.blocks[0]), model.maps[0]
+    lags = range(transfer.delay, transfer.delay + len(transfer.numerator))
+    longer = lags.stop - 1 > len(transfer.denominator)
+    if (1,) not in item.basis or lags.start < 1 or longer:
+        return frozenset()
+    return frozenset([_linear_term(model), *(transfer.denominator[lag - 1] for lag in lags)])
 
 
 def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
@@ -405,14 +445,11 @@ def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> di
     block = model.wiring.transfer(model.blocks[0])
     first = _linear_term(model)
     fixed = dict(goal.fixed)
-    poles, top = (
-        sum_of([full[n] for n in block.denominator]),
-        sum_of([full[n] for n in block.numerator]),
-    )
     if first in fixed:
         kappa = plus(full[first], (-fixed[first], -fixed[first]))
     elif goal.unit_gain:
-        kappa = plus((1.0, 1.0), times((-1.0, -1.0), quotient(plus((1.0, 1.0), poles), top)))
+        inverse = _inverse_gain(goal, goal.unit_gain[0], full)
+        kappa = plus((1.0, 1.0), times((-1.0, -1.0), inverse))
     else:
         raise ModelError(
             f"normalise: found nothing that settles the loop, expected 'dcgain' or {first}"
@@ -433,6 +470,10 @@ def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> di
         if lag in lags:
             found[name] = plus(full[name], times(kappa, full[lags[lag]]))
     found[first] = plus(full[first], (-kappa[1], -kappa[0]))
+    for name, value in goal.fixed:  # one of these conditions settles the shift, no more
+        _check_value(name, value, found[name])
+    for label in goal.unit_gain:
+        _check_kept(f"static gain of {label}", _inverse_gain(goal, label, found))
     return {name: found[name] for name in goal.parameters}
 
 
@@ -514,16 +555,12 @@ def loop_shift(model: BlockStructured) -> LoopShift | None:
     (target, item), block = model.maps[0], model.blocks[0]
     if block.target != "y1" or block.source != (("u1", 1.0), (target, -1.0)):
         return None
-    if item.arguments != ("y1",) or (1,) not in item.basis:
+    if item.arguments != ("y1",):
         return None
-    transfer, first = model.wiring.transfer(block), _linear_term(model)
-    lags = range(transfer.delay, transfer.delay + len(transfer.numerator))
-    if not (lags.start >= 1 and lags.stop - 1 <= len(transfer.denominator)):
+    changed = _moved_by_shift(model)
+    if not changed or changed & {name for name, _ in model.fixed}:
         return None
-    changed = {first, *(transfer.denominator[lag - 1] for lag in lags)}
-    if changed & {name for name, _ in model.fixed}:
-        return None
-    return LoopShift(normalised_by(model, {first: 0.0}), frozenset(changed))
+    return LoopShift(normalised_by(model, {_linear_term(model): 0.0}), changed)
 
 
 def priors_speak_of(formulation: Formulation, names: Collection[str]) -> bool:

@@ -59,6 +59,64 @@ def test_of_two_conditions_for_one_scale_both_have_to_stay() -> None:
     check_restrictions(model.normalised("gamma1"), model.normalised("b0"))
 
 
+LOOP = setid.TransferFunction(1, 1, 1)  # y = (1 - w) b / (1 + a), w = gamma1 y + gamma2 y^2
+
+
+@pytest.mark.parametrize("beside", [{"b1": 1.0}, {"gamma2": 0.3}, "dcgain"])
+def test_a_loop_has_one_shift_and_other_conditions_have_to_stay(beside: Any) -> None:
+    """Loops with another b1 are consistent, too, and no shift makes it 1."""
+    model = setid.Lure(LOOP, 2, normalise=[{"gamma1": 0.0}, beside])
+    check_restrictions(model, model)
+    with pytest.raises(setid.ModelError, match="whose value is more than a normalisation"):
+        check_restrictions(model, model.normalised({"gamma1": 1.0}))
+
+
+def test_a_loop_without_a_shift_has_no_normalisation() -> None:
+    longer = setid.Lure(setid.TransferFunction(1, 2, 1), 2, normalise="nolinear")
+    with pytest.raises(setid.ModelError, match="gamma1, whose value"):
+        check_restrictions(longer, longer.normalised("dcgain"))
+    loop = setid.Lure(LOOP, 2, normalise={"a1": -0.5})  # a shift brings it about
+    check_restrictions(loop, loop.normalised({"gamma1": 0.0}))
+
+
+def test_a_shift_brings_about_one_condition() -> None:
+    """a + kappa b and gamma1 - kappa: kappa = -0.5 takes a = -0.5, b = 1 to a = -1."""
+    model, theta = setid.Lure(LOOP, 2, "nolinear"), {"a1": -0.5, "b1": 1.0, "gamma2": 0.3}
+    for other in ({"b1": 2.0}, {"gamma2": 7.0}, {"gamma2": 0.0}, "dcgain"):
+        with pytest.raises(setid.ModelError, match="no shift of a loop"):
+            setid.convert(model, theta, [{"gamma1": 0.5}, other])
+    found = setid.convert(model, theta, [{"gamma1": 0.5}, {"b1": 1.0}])
+    assert found == {"a1": -1.0, "gamma2": 0.3}
+
+
+def test_an_even_power_of_a_scale_excludes_the_other_sign() -> None:
+    """gamma2 = 1 in y = gamma2 z^2 + gamma1 z excludes parabolas that open downwards."""
+    model = setid.Wiener(setid.TransferFunction(0, 1, 1), 2, normalise={"gamma2": 1.0})
+    with pytest.raises(setid.ModelError, match="gamma2, whose value"):
+        check_restrictions(model, model.normalised("b1"))
+
+
+def test_two_conditions_for_one_scale_restrict_beside_an_open_scale() -> None:
+    """Both ask for the scale of w; that of z is open."""
+    linear = setid.TransferFunction(0, 1, 1)
+    both = [{"gamma[w]1": 1.0}, {"gamma[w]2": 0.5}]
+    model = setid.HammersteinWiener(linear, 2, 1, normalise=both)
+    with pytest.raises(setid.ModelError, match=r"gamma\[w\]2, whose value"):
+        check_restrictions(model, model.normalised(["gamma[w]1", "gamma[y1]1"]))
+    apart = setid.HammersteinWiener(linear, 2, 1, normalise=["gamma[w]1", "b1"])
+    check_restrictions(apart, apart.normalised(["gamma[w]2", "gamma[y1]1"]))
+
+
+def test_an_empty_set_is_not_converted() -> None:
+    """What gamma1 = 1 leaves out may be consistent, and is not refuted with the others."""
+    model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="gamma1")
+    data = setid.IOData([1.0, -1.0, 1.0], [0.0, 0.0, 1.0])  # one input, two outputs
+    found = setid.identify(data, model, setid.Noise(output=0.1))
+    assert found.status == "empty"
+    with pytest.raises(setid.SetidError, match="empty"):
+        setid.convert_intervals(found, "b0")
+
+
 def test_a_coefficient_of_zero_has_to_stay() -> None:
     model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise={"gamma2": 0.0})
     with pytest.raises(setid.ModelError, match="gamma2, whose value"):
