@@ -16,6 +16,7 @@ from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import draws_of, members, nominal
 from setid.feasible_set.coordinates import Coordinates
 from setid.feasible_set.feasible_set import FeasibleSet, check_result
+from setid.models.block import BlockStructured
 from setid.models.checked_structures import coefficients_of, regression_of
 from setid.models.continuous import ContinuousTransferFunction
 from setid.models.equations import Structure
@@ -239,7 +240,12 @@ def _plant(model: Structure, thetas: Reals) -> Reals:
 
 
 def _is_linear(model: Structure) -> bool:
-    """Check that nothing but single inputs and constants drives the outputs."""
+    """Check that nothing but single inputs and constants drives the outputs.
+
+    A constant in a static map is a part of the map, whatever the normalisation is.
+    """
+    if isinstance(model, BlockStructured) and model.maps:
+        return False
     try:
         affine = affine_rows(model)
     except ModelError:

@@ -288,3 +288,15 @@ def test_what_holds_between_frequencies_cannot_be_written_to(result: setid.Ident
     for name in ("centre", "half", "turn", "gain", "slope", "rectangles"):
         assert not getattr(arcs, name).flags.writeable
     assert not setid.residuals(result).theta.flags.writeable
+
+
+@pytest.mark.parametrize("normalise", ["b1", "gamma1"])
+def test_a_constant_in_a_map_acts_in_every_normalisation(normalise: str) -> None:
+    """y(k) = b1 (gamma1 + gamma2 u(k-1)) = 1 + u(k-1) / 2: 1.5 after a step, and not 0.5."""
+    u = np.array([1.0, -1.0, 0.5, 0.0, -0.5, 1.0])
+    linear = setid.TransferFunction(0, 1, 1)
+    model = setid.Hammerstein(linear, [(0,), (1,)], normalise=normalise)
+    data = setid.IOData(u, np.append(1.0, 1.0 + 0.5 * u[:-1]))
+    band = setid.step_band(setid.identify(data, model, setid.Noise(output=0.01)), 3, time_limit=0.0)
+    assert np.all((band.low[1:] <= 1.5) & (band.high[1:] >= 1.5))
+    assert np.all((band.low <= band.nominal) & (band.nominal <= band.high))
