@@ -20,6 +20,7 @@ from setid.proofs.intervals import IntervalStatus
 from setid.proofs.uniqueness.normalisation import (
     check_restrictions,
     convert_ends,
+    loop_shift,
     scaled_signals,
 )
 from sparsepop_py.verified.arithmetic.scalar_interval import (
@@ -176,7 +177,8 @@ def equivalent(
 
 def _choices(model: BlockStructured) -> Iterable[Normalise]:
     if isinstance(model, Lure):
-        return [{"gamma1": 0.0}]
+        shift = loop_shift(model.normalised(None))
+        return [None if shift is None else dict(shift.reference.fixed)]
     wiring = model.wiring
     maps = [[{name: 1.0} for name in wiring.weights(target)] for target, _ in model.maps]
     tops = [[{n: 1.0} for n in wiring.transfer(b).numerator] for b in model.blocks]

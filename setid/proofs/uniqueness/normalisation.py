@@ -441,40 +441,37 @@ def _moved_by_shift(model: BlockStructured) -> frozenset[str]:
 
 
 def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
-    """A + kappa b, gamma1 - kappa."""
-    block = model.wiring.transfer(model.blocks[0])
-    first = _linear_term(model)
-    fixed = dict(goal.fixed)
-    if first in fixed:
-        kappa = plus(full[first], (-fixed[first], -fixed[first]))
-    elif goal.unit_gain:
-        inverse = _inverse_gain(goal, goal.unit_gain[0], full)
-        kappa = plus((1.0, 1.0), times((-1.0, -1.0), inverse))
-    else:
-        raise ModelError(
-            f"normalise: found nothing that settles the loop, expected 'dcgain' or {first}"
-        )
-    if not np.all(np.isfinite(kappa)):
-        raise ModelError(
-            "normalise: found a static gain of G that may be zero, expected one that is not"
-        )
-    lags = dict(enumerate(block.numerator, block.delay))
-    longest = max(len(block.denominator), 0)
-    if max(lags) > longest and kappa != (0.0, 0.0):
-        raise ModelError(
-            f"normalise: found a numerator up to lag {max(lags)} and a denominator up to "
-            f"{longest}: the shifted loop is not of this order"
-        )
+    """A + kappa b, gamma1 - kappa; a loop without a shift stays as it is."""
     found = dict(full)
-    for lag, name in enumerate(block.denominator, 1):
-        if lag in lags:
-            found[name] = plus(full[name], times(kappa, full[lags[lag]]))
-    found[first] = plus(full[first], (-kappa[1], -kappa[0]))
+    if _moved_by_shift(model):
+        block, first = model.wiring.transfer(model.blocks[0]), _linear_term(model)
+        kappa = _shift(goal, first, full)
+        for lag, name in enumerate(block.numerator, block.delay):
+            pole = block.denominator[lag - 1]
+            found[pole] = plus(full[pole], times(kappa, full[name]))
+        found[first] = plus(full[first], (-kappa[1], -kappa[0]))
     for name, value in goal.fixed:  # one of these conditions settles the shift, no more
         _check_value(name, value, found[name])
     for label in goal.unit_gain:
         _check_kept(f"static gain of {label}", _inverse_gain(goal, label, found))
     return {name: found[name] for name in goal.parameters}
+
+
+def _shift(goal: BlockStructured, first: str, full: Mapping[str, Ends]) -> Ends:
+    """The kappa that a normalisation of a loop asks for, with the linear term of its map."""
+    fixed = dict(goal.fixed)
+    if first in fixed:
+        return plus(full[first], (-fixed[first], -fixed[first]))
+    if not goal.unit_gain:
+        raise ModelError(
+            f"normalise: found nothing that settles the loop, expected 'dcgain' or {first}"
+        )
+    inverse = _inverse_gain(goal, goal.unit_gain[0], full)
+    if not np.all(np.isfinite(inverse)):
+        raise ModelError(
+            "normalise: found a static gain of G that may be zero, expected one that is not"
+        )
+    return plus((1.0, 1.0), times((-1.0, -1.0), inverse))
 
 
 def _linear_term(model: BlockStructured) -> str:

@@ -79,6 +79,17 @@ def test_a_loop_without_a_shift_has_no_normalisation() -> None:
     check_restrictions(loop, loop.normalised({"gamma1": 0.0}))
 
 
+def test_loops_are_compared_with_their_shift_and_without_one() -> None:
+    """kappa = -0.2 takes a = -0.5, b = 2 to a = -0.9; without a linear term there is none."""
+    swapped = setid.Lure(LOOP, [2, 1])
+    assert setid.equivalent(swapped, [-0.5, 2.0, 0.3, 0.0], [-0.9, 2.0, 0.3, 0.2])
+    assert not setid.equivalent(swapped, [-0.5, 2.0, 0.3, 0.0], [-0.9, 2.0, 0.3, 0.1])
+    bent, longer = setid.Lure(LOOP, [2, 3]), setid.Lure(setid.TransferFunction(1, 2, 1), 2)
+    for model, theta in ((bent, [-0.5, 2.0, 0.3, 0.1]), (longer, [-0.5, 2.0, 1.0, 0.2, 0.3])):
+        assert setid.equivalent(model, theta, theta)
+        assert not setid.equivalent(model, theta, [*theta[:-1], 0.4])
+
+
 def test_a_shift_brings_about_one_condition() -> None:
     """a + kappa b and gamma1 - kappa: kappa = -0.5 takes a = -0.5, b = 1 to a = -1."""
     model, theta = setid.Lure(LOOP, 2, "nolinear"), {"a1": -0.5, "b1": 1.0, "gamma2": 0.3}
