@@ -135,7 +135,8 @@ class Lure(BlockStructured):
     basis : int or sequence of int
         Powers of y.
     normalise : optional
-        ``{"gamma1": 0}`` or ``"nolinear"``: the linear part of the loop belongs to G;
+        ``"nolinear"``: the linear part of the loop belongs to G, which is ``{"gamma1": 0}`` where
+        the linear term comes first in the basis;
         ``"gamma1"``: 1; ``"dcgain"``: static gain of G is 1; None: none.
     initial, form
         As for :class:`BlockStructured`.
@@ -190,10 +191,20 @@ class Lure(BlockStructured):
             )
         maps = {"w": StaticMap("y1", basis)}
         if isinstance(normalise, str) and normalise == "nolinear":
-            normalise = {"gamma1": 0.0}
+            normalise = {_linear_weight(maps["w"]): 0.0}
         super().__init__(
             {("y1", "u1 - w"): linear}, maps, normalise=normalise, initial=initial, form=form
         )
+
+
+def _linear_weight(item: StaticMap) -> str:
+    """Name the coefficient of the linear term of the only map of a structure."""
+    if (1,) not in item.basis:
+        raise ModelError(
+            "normalise: found 'nolinear' for a map without a linear term, expected None: without "
+            "that term the loop has no shift"
+        )
+    return f"gamma{item.basis.index((1,)) + 1}"
 
 
 class HammersteinWiener(BlockStructured):

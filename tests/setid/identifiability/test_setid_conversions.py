@@ -90,6 +90,13 @@ def test_loops_are_compared_with_their_shift_and_without_one() -> None:
         assert not setid.equivalent(model, theta, [*theta[:-1], 0.4])
 
 
+def test_the_linear_term_of_a_loop_is_found_in_its_basis() -> None:
+    """In w = gamma1 y^2 + gamma2 y it is gamma2."""
+    assert setid.Lure(LOOP, [2, 1], "nolinear").fixed == (("gamma2", 0.0),)
+    with pytest.raises(setid.ModelError, match="without a linear term"):
+        setid.Lure(LOOP, [2, 3], "nolinear")
+
+
 def test_a_shift_brings_about_one_condition() -> None:
     """a + kappa b and gamma1 - kappa: kappa = -0.5 takes a = -0.5, b = 1 to a = -1."""
     model, theta = setid.Lure(LOOP, 2, "nolinear"), {"a1": -0.5, "b1": 1.0, "gamma2": 0.3}
