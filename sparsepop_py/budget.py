@@ -234,7 +234,7 @@ def cpu_seconds() -> float:
 
 @contextmanager
 def importing() -> Iterator[None]:
-    """Leave what happens once in a process, such as an import, out of costs that are compared.
+    """Leave what happens once in a process, such as imports, out of compared costs.
 
     The adaptive search would take a first solve for slow, and what follows it too.
 

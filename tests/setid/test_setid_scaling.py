@@ -14,6 +14,7 @@ from scipy.optimize import linprog
 from slow_values import slow_unless
 
 import setid
+import sparsepop_py as sp
 from setid.formulation.units import in_units
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -169,6 +170,45 @@ def test_a_problem_in_units_has_the_same_feasible_points(y: int, u: int, seed: i
         assert ratio > 0 and one == two * ratio
         assert (ratio.numerator & (ratio.numerator - 1)) == 0  # a power of two
         assert (ratio.denominator & (ratio.denominator - 1)) == 0
+
+
+@pytest.mark.parametrize("power", [-40, -16, 0, 16, 40])
+def test_powers_of_bounded_signals_have_units_of_their_size(power: int) -> None:
+    """The square of a signal within 2^power is within 4^power, its cube within 8^power."""
+    linear, u = setid.TransferFunction(1, 1, 1), np.linspace(-1.0, 1.0, 5)
+    model = setid.Wiener(linear, 3, normalise="gamma1")
+    noise = setid.Noise(output=np.ldexp(0.125, power))
+    known = setid.formulate(setid.IOData(u, np.ldexp(u, power)), model, noise)
+    groups = known.layout.groups
+    lower, upper = known.problem.lower.copy(), known.problem.upper.copy()
+    assert np.all(np.isinf(in_units(known.problem, known).problem.upper[groups["p[z^2]"]]))
+    lower[groups["z"]], upper[groups["z"]] = -np.ldexp(1.0, power), np.ldexp(1.0, power)
+    about = known.problem
+    boxed = sp.Problem(about.objective, about.constraints, lower, upper, about.names)
+    units = in_units(boxed, known).units
+    for name, exponent in (("z", 1), ("p[z^2]", 2), ("p[z^3]", 3)):
+        ratios = np.log2(units[groups[name]]) - exponent * power
+        assert np.all(np.abs(ratios) <= 9)  # units are powers of 2^16
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("power", [-17, 17])
+def test_ends_of_wiener_structures_do_not_depend_on_the_unit_of_outputs(power: int) -> None:
+    """What is attained in one unit lies within what is proved in the other, and both close."""
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, normalise="gamma1")
+    u = np.random.default_rng(1).uniform(-1.0, 1.0, 40)
+    bound = 2.0**-5
+    plain = setid.simulate_record(model, (-0.6, 0.8, 0.3), u, setid.Noise(output=bound), 2).data
+    other = setid.IOData(plain.u, np.ldexp(plain.y, power))
+    strange = setid.Noise(output=np.ldexp(bound, power))
+    mine = setid.identify(plain, model, setid.Noise(output=bound), [setid.Stable()], QUICK)
+    theirs = setid.identify(other, model, strange, [setid.Stable()], QUICK)
+    assert mine.status == theirs.status == "certified" and bool(theirs.verify(other))
+    for name, factor in (("a1", 1.0), ("b1", 2.0**power), ("gamma2", 2.0**-power)):
+        one, two = mine.intervals[name], theirs.intervals[name]
+        assert one.inner is not None and two.inner is not None
+        assert one.outer[0] * factor <= two.inner[0] <= two.inner[1] <= one.outer[1] * factor
+        assert two.outer[0] <= one.inner[0] * factor <= one.inner[1] * factor <= two.outer[1]
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """The compiled kernels, the choice between them and numpy, second-order cones, the clock."""
 
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -111,6 +112,29 @@ def test_numba_is_never_required(monkeypatch):
     assert isinstance(done.symbolic.assemblies, tuple) and done.solution.status == "solved"
     with pytest.raises(SolverNotFound, match="numba"):
         cliquetree.run(p, settings=NUMBA)
+
+
+def test_loading_kernels_is_no_cost_of_the_first_program():
+    """In a process of its own: kernels take ten times as long to load as to solve this."""
+    code = """
+import time
+import sparsepop_py as sp
+from sparsepop_py.budget import Deadline
+from sparsepop_py.solvers import cliquetree
+x = sp.variables(12)
+problem = sp.Problem(sp.total([x[k] * x[k + 1] for k in range(11)]), lower=-1, upper=1)
+program = sp.assemble(sp.relax(problem, 2), problem.objective)
+clock, costs = Deadline(None), []
+for _ in range(2):
+    cost, cpu = clock.now(), time.process_time()
+    cliquetree.run(program, settings=cliquetree.Settings(kernels="numba"))
+    costs += [clock.now() - cost, time.process_time() - cpu]
+print(*costs)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    first, with_loading, second, all_of_second = map(float, done.stdout.split())
+    assert first < 0.5 * with_loading  # what was loaded or compiled is left out
+    assert second == pytest.approx(all_of_second, abs=1e-3)
 
 
 def test_small_programs_and_short_limits_do_not_load_numba(monkeypatch):
