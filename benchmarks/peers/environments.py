@@ -33,7 +33,7 @@ class Peer:
     title : str
         In tables.
     packages : tuple of str
-        What pip installs.
+        What pip installs; none where the adapter asks a program.
     adapter : str
         Script in ``adapters``.
     licence : str
@@ -84,7 +84,15 @@ PEERS = {
             ("CLARABEL",), "cvxpy",
         ),
         Peer("scs", "cvxpy SCS", _CVXPY, "cvxpy_.py", "MIT", True, True, ("SCS",), "cvxpy"),
-        Peer("sdpa", "sdpa-python", ("sdpa-python",), "sdpa.py", "GPL 2", True, True),
+        Peer(
+            "sdpa", "sdpa-python", ("sdpa-python",), "conic_programs.py", "GPL 2", True, True,
+            ("sdpa-python",),
+        ),
+        Peer(
+            "csdp", "CSDP", ("numpy", "scipy"), "conic_programs.py", "EPL 2.0, a program", True,
+            True, ("CSDP",),
+        ),
+        Peer("sparsepop", "SparsePOP", (), "octave.py", "GPL 2, SeDuMi GPL 2"),
     )
 }  # fmt: skip
 _TITLES = {each.title: each for each in PEERS.values()}
@@ -146,6 +154,15 @@ def make(names: Iterable[str], folder: Path | None = None) -> Iterator[str]:
 
 
 def _installed(each: Peer, home: Path) -> str:
+    failed = _pip_fails(each, home) if each.packages else ""
+    if failed:
+        return f"not installed ({failed})"
+    (home / "ready").write_text("", encoding="utf-8")
+    return f"made; licence: {each.licence}"
+
+
+def _pip_fails(each: Peer, home: Path) -> str:
+    """Install by pip; why that failed, empty where it did not."""
     python = home / ("Scripts" if sys.platform == "win32" else "bin") / "python"
     command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     try:
@@ -153,9 +170,5 @@ def _installed(each: Peer, home: Path) -> str:
             [*command, *each.packages], capture_output=True, text=True, timeout=_SECONDS
         )
     except subprocess.TimeoutExpired:
-        return f"not installed within {_SECONDS:g} s"
-    if done.returncode:
-        last = done.stderr.strip().splitlines()[-1:] or ["pip failed"]
-        return f"not installed ({last[0]})"
-    (home / "ready").write_text("", encoding="utf-8")
-    return f"made; licence: {each.licence}"
+        return f"not within {_SECONDS:g} s"
+    return (done.stderr.strip().splitlines()[-1:] or ["pip failed"])[0] if done.returncode else ""

@@ -1,6 +1,7 @@
 """Peers in interpreters of their own, how they are judged, and what is measured together."""
 
 import json
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from benchmarks.tables.curves import gaps_over_time, profile, speed_ups
 from benchmarks.tables.groups import groups_of
 from benchmarks.tables.report import publishable, report
 
+ROOT = Path(__file__).resolve().parents[2]
 ADAPTERS = Path(environments.__file__).parent / "adapters"
 
 
@@ -58,6 +60,37 @@ def test_scip_answers_from_an_interpreter_of_its_own():
     assert found.status in ("optimal", "gaplimit")
     assert found.lower == pytest.approx(0.0, abs=1e-5) == found.upper
     assert problem.violation(found.x) <= 1e-6
+
+
+@pytest.mark.parametrize("name", ["sdpa", "csdp"])
+def test_conic_programs_are_solved_or_refused(name):
+    """The relaxation of order 1 proves nothing above the minimum, 0."""
+    problem, stops = bilinear(), Stops((1e-6,), 0.0, 10.0)
+    (found,) = ask(peer(name), Path(sys.executable), problem, [problem.objective], stops)
+    if found.status != f"refused: {peer(name).title} is not installed":
+        assert found.status in ("solved", "almost") and found.lower <= 1e-5
+        relaxed = sp.solve(problem, sp.Options(order=1, effort="plain")).lower_bound
+        assert found.lower == pytest.approx(relaxed, abs=1e-5)
+
+
+@pytest.mark.octave
+def test_the_folder_of_sparsepop_is_asked_under_octave(monkeypatch):
+    """Our own sparsePOP.m stands in for the original, which has the same interface."""
+    if shutil.which("octave-cli") is None:
+        pytest.skip("GNU Octave is not installed")
+    monkeypatch.setenv("SPARSEPOP", str(ROOT / "matlab"))
+    monkeypatch.setenv("SPARSEPOP_PYTHON", sys.executable)
+    problem, stops = bilinear(), Stops((1e-6,), 0.0, 60.0, order=2)
+    (found,) = ask(peer("sparsepop"), Path(sys.executable), problem, [problem.objective], stops)
+    assert found.status == "solved" and found.lower == pytest.approx(0.0, abs=1e-5)
+    assert found.upper == pytest.approx(0.0, abs=1e-5) and problem.violation(found.x) <= 1e-6
+
+
+def test_sparsepop_without_its_folder_is_refused(monkeypatch):
+    monkeypatch.delenv("SPARSEPOP", raising=False)
+    problem, stops = bilinear(), Stops((1e-6,), 0.0, 10.0)
+    (found,) = ask(peer("sparsepop"), Path(sys.executable), problem, [problem.objective], stops)
+    assert found.status == "refused: SPARSEPOP names no folder that has SparsePOP and SeDuMi"
 
 
 def test_two_objectives_come_back_in_order():
@@ -111,7 +144,8 @@ def test_conic_peers_get_the_program_of_the_relaxation():
 
 def test_every_peer_has_an_adapter_and_a_licence():
     for each in PEERS.values():
-        assert (ADAPTERS / each.adapter).exists() and each.licence and each.packages
+        assert (ADAPTERS / each.adapter).exists() and each.licence
+        assert each.packages or each.adapter == "octave.py"
         compile((ADAPTERS / each.adapter).read_text(encoding="utf-8"), each.adapter, "exec")
 
 
