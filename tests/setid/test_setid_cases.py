@@ -132,6 +132,7 @@ def test_laboratory_three_is_nested() -> None:
         assert inner is not None and low <= inner[0] and inner[1] <= high
 
 
+@pytest.mark.slow
 def test_each_level_of_bounds_contains_the_next() -> None:
     """The box from the data, the engine's bounds, attained values; and what no time proves."""
     data, noise = laboratory_three(14, 0.1)

@@ -140,7 +140,9 @@ def factor_of_rows(result: setid.Identification, poles: dict[str, float]) -> flo
     return float(linprog(cost, limits, none, matrix, right, bounds, method="highs").fun)
 
 
-@pytest.mark.parametrize(("seed", "two"), [(26, True), (200, False)])
+@pytest.mark.parametrize(
+    ("seed", "two"), [pytest.param(26, True, marks=pytest.mark.slow), (200, False)]
+)
 def test_rows_that_are_named_contradict_each_other_alone(seed: int, two: bool) -> None:
     """The last programs stand on a box that other rows made: theirs alone may be consistent."""
     block = setid.TransferFunction(1, 1, 1)

@@ -169,6 +169,7 @@ def test_a_response_without_denominator_is_not_split(taps: int) -> None:
     assert all(below <= 0.0 <= above for below, above in others)
 
 
+@pytest.mark.slow
 def test_a_cone_as_thin_as_one_denominator_is_left() -> None:
     """A set so small that noise bounds a little larger explain what lies a tolerance beyond it."""
     random = np.random.RandomState(701)

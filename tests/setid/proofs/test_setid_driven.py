@@ -195,6 +195,7 @@ def test_noise_too_small_is_refuted() -> None:
     assert not verify(replace(found.evidence, driven=None))
 
 
+@pytest.mark.slow
 def test_the_least_noise_is_that_of_programs_for_given_poles() -> None:
     """Linear programs for poles in [-1, 1], which know nothing of rows."""
     data = record()

@@ -539,6 +539,7 @@ def test_cells_allow_for_equation_errors(seed: int) -> None:
     assert not box.empty and np.all((box.lower <= truth) & (truth <= box.upper)), box
 
 
+@pytest.mark.slow
 def test_a_cascade_beside_a_linear_block_closes_on_a_box() -> None:
     random = np.random.default_rng(0)
     u, (z, v, x) = random.uniform(-1.0, 1.0, (25, 2)), np.zeros((3, 25))

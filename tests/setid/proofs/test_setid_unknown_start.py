@@ -280,7 +280,8 @@ def test_two_numerators_and_other_delays(pole: float, delay: int) -> None:
     assert np.all((box.lower <= theta) & (theta <= box.upper))
 
 
-@pytest.mark.parametrize("ratio", [0.6, pytest.param(-0.9, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.6, -0.9])
 def test_ratios_of_the_first_numerator(ratio: float) -> None:
     random, samples = np.random.default_rng(11), 60
     u, z = random.uniform(-1.0, 1.0, samples), np.full(samples, 2.0)
