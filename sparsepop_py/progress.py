@@ -74,6 +74,11 @@ class Line:
         self._thread: threading.Thread | None = None
         self._tqdm: Any = None
 
+    @property
+    def shown(self) -> bool:
+        """True if there is somebody to see it."""
+        return self._show
+
     def draw(self, text: str) -> None:
         """Replace the text of the line.
 
@@ -190,9 +195,9 @@ class Stages:
         if (lower, upper) == self._known and not self._silent:
             return
         self._known = lower, upper
-        where = "" if self._number is None else f"objective {self._number}: "
-        low, high = rounded(lower, False, 10), rounded(upper, True, 10)
-        _LOG.info("%sproved %s, attained %s", where, low, high)
+        if _LOG.isEnabledFor(logging.INFO):
+            low, high = rounded(lower, False, 10), rounded(upper, True, 10)
+            _LOG.info("%sproved %s, attained %s", self._where, low, high)
         self._draw()
         self._report()
 
@@ -223,11 +228,16 @@ class Stages:
         """Erase the line."""
         self._line.close()
 
+    @property
+    def _where(self) -> str:
+        return "" if self._number is None else f"objective {self._number}: "
+
     def _draw(self) -> None:
-        where = "" if self._number is None else f"objective {self._number}: "
+        if not self._line.shown:
+            return
         low = rounded(self._known[0], False, 8)
         high = rounded(self._known[1], True, 8)
-        self._line.draw(f"{where}{low} <= minimum <= {high}  {self._name} ...")
+        self._line.draw(f"{self._where}{low} <= minimum <= {high}  {self._name} ...")
 
     def _report(self) -> None:
         self._reported, self._silent = time.monotonic(), False

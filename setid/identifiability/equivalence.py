@@ -87,8 +87,9 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     Returns
     -------
     dict of str to (low, high)
-        Every consistent parameter vector in that normalisation lies inside. Wider than
-        identification in that normalisation, since dependencies are lost.
+        Every consistent parameter vector in that normalisation lies inside, but for those in
+        which a quantity that the result fixes is zero. Wider than identification in that
+        normalisation, since dependencies are lost.
 
     Raises
     ------
