@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from sparsepop_py.errors import ClaimError
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Recomputed", "check_claims", "proved_bound"]
+__all__ = ["Recomputed", "check_claims", "proved_bound", "raised"]
 
-_DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
+_DIGITS = 1e-12  # in which machines differ that bound the value of one point
 
 
 class Recomputed(NamedTuple):
@@ -48,6 +48,30 @@ def proved_bound(certificate: Any, problem: Any) -> float:
     return float(verdict.bound)
 
 
+def raised(upper: float, attained: float) -> float:
+    """Raise a stored upper bound to what its point attains here, where both agree but for digits.
+
+    Parameters
+    ----------
+    upper : float
+        As another machine may have rounded it.
+    attained : float
+        As computed again.
+
+    Returns
+    -------
+    float
+        ``upper`` where it is not below, or so far below that no rounding explains it.
+
+    Examples
+    --------
+    >>> raised(0.3, 0.30000000000000004), raised(0.3, 0.4)
+    (0.30000000000000004, 0.3)
+    """
+    near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
+    return max(upper, attained) if near else upper
+
+
 def check_claims(result: Any, proved: float, attained: float) -> None:
     """Refuse a result that claims more than its evidence proves.
 
@@ -69,8 +93,7 @@ def check_claims(result: Any, proved: float, attained: float) -> None:
             f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
             "which its certificate proves"
         )
-    near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
-    if not (upper >= attained or near):
+    if not upper >= attained:
         raise ClaimError(
             f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
             "which its point attains"

@@ -6,14 +6,14 @@ import html
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.budget import TOO_LARGE, TOO_LONG, TOO_MUCH
-from sparsepop_py.claims import Recomputed, check_claims, proved_bound
+from sparsepop_py.claims import Recomputed, check_claims, proved_bound, raised
 from sparsepop_py.errors import ClaimError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -169,6 +169,25 @@ class Summarised(ABC):
         found = self._evidence()
         check_claims(self, found.proved, found.attained)
         return found
+
+    def settled(self) -> Self:
+        """Take point and attained value as they are proved here, after another machine.
+
+        Returns
+        -------
+        Result or RationalResult
+            This one with claims that verification confirms to the last digit.
+
+        Raises
+        ------
+        ClaimError
+            If the evidence proves less than the result claims, rounding aside.
+        """
+        found = self._evidence()
+        upper = raised(self.upper_bound, found.attained)
+        made = replace(self, upper_bound=upper, attained=found.point)  # type: ignore[type-var]
+        check_claims(made, found.proved, found.attained)
+        return made
 
     def verify(self, problem: Problem | RationalProblem | None = None) -> Verdict:
         """Compute all claims again, without a solver: bounds, attained point and status.

@@ -85,3 +85,26 @@ def test_false_claims_about_ratios_are_named() -> None:
         ({"status": sp.Status.UNBOUNDED}, "result.status"),
     ):
         assert replace(found, **claim).verify().reason.startswith(named)
+
+
+@pytest.mark.parametrize("least", [1e-13, 0.3, 1e6])
+def test_attained_values_are_compared_to_the_last_digit(least: float) -> None:
+    """No point of x >= least has an objective below least."""
+    (only,) = sp.variables(1)
+    found = sp.solve(sp.Problem(only, lower=least, upper=2 * least))
+    for lower in (0.0, np.nextafter(least, 0.0)):
+        verdict = replace(found, lower_bound=-1.0, upper_bound=lower).verify()
+        assert verdict.reason.startswith("result.upper_bound")
+    assert found.verify().ok
+
+
+def test_rounding_of_another_machine_raises_the_stored_value() -> None:
+    """Readers take what is attained here; what no rounding explains stays refused."""
+    (only,) = sp.variables(1)
+    found = sp.solve(sp.Problem(only, lower=0.3, upper=1))
+    stored = replace(found, lower_bound=-1.0, upper_bound=np.nextafter(0.3, 0.0))
+    assert not stored.verify().ok
+    again = sp.from_json(sp.to_json(stored))
+    assert again.verify().ok and again.upper_bound == found.upper_bound >= 0.3
+    with pytest.raises(sp.SparsePOPError, match="upper_bound"):
+        sp.from_json(sp.to_json(replace(stored, upper_bound=0.3 - 1e-9)))

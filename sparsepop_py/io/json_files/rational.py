@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from sparsepop_py.algebra.polynomial import Polynomial
@@ -70,10 +69,7 @@ def _read_problem(found: Any, place: str) -> RationalProblem:
 
 def _result(**parts: Any) -> RationalResult:
     """Build the result if certificate and point prove the bounds that the text states."""
-    result = RationalResult(**parts)
-    again = result.recomputed()
-    upper = max(result.upper_bound, again.attained)
-    return replace(result, upper_bound=upper, attained=again.point)
+    return RationalResult(**parts).settled()
 
 
 RATIONAL = record(Rational, whole=POLYNOMIAL, ratios=sequence(Codec(_write_ratio, _read_ratio)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from enum import Enum
 from typing import Any
 
@@ -190,10 +190,7 @@ def _result(**parts: Any) -> Result:
         raise codecs.wrong("result.ray", f"{result.ray.size} numbers", "one a variable")
     if result.certificate is not None:
         check_references(result.certificate, result.problem, "result.certificate")
-    again = result.recomputed()
-    # the point as it was proved again: nothing that a file says of it is believed
-    upper = max(result.upper_bound, again.attained)
-    return replace(result, upper_bound=upper, attained=again.point)
+    return result.settled()  # the point as it is proved: nothing that a file says is believed
 
 
 STATUS = _member(Status)
