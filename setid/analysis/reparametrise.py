@@ -24,10 +24,10 @@ from setid.options import Options, checked_options
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Verification
 from setid.proofs.existence import admitted
+from setid.proofs.fields import check_fields
 from setid.proofs.intervals import IntervalStatus, ParameterInterval, overstated
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.damaged_texts import (
-    check_fields,
     list_of,
     member_of,
     object_of,

@@ -32,6 +32,8 @@ ProvedBox = RowBox | CellBox | DenominatorBox | SimulatedBox  # of parameters, f
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     """Check a box against data and priors, without any solver."""
     start = start_of(formulation)
+    if box.names != formulation.parameters:
+        return False
     if isinstance(box, CellBox | DenominatorBox | SimulatedBox):
         return box.verify(formulation, start)
     return rows_prove(box, formulation, start)

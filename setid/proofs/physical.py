@@ -17,6 +17,7 @@ from setid.priors.coefficients import Box
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Evidence, Verification
 from setid.proofs.existence import admitted
+from setid.proofs.fields import well_formed
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.verification import verify
 
@@ -156,7 +157,7 @@ def _misstated(intervals: Mapping[str, ParameterInterval], empty: bool) -> str:
     open_ = (IntervalStatus.CERTIFIED, IntervalStatus.PARTIAL)
     for name, item in intervals.items():
         said = item.status is IntervalStatus.EMPTY if empty else item.status in open_
-        if item.name != name or not said or not item.stated:
+        if item.name != name or not said or not item.stated or not well_formed(item):
             return name
         if item.status is IntervalStatus.CERTIFIED and item.inner is None:
             return name

@@ -13,6 +13,7 @@ from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
 from setid.models.equations import channel_of
 from setid.models.lti import TransferFunction
+from setid.proofs.fields import well_formed
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
@@ -33,6 +34,8 @@ def rows_prove(box: RowBox, formulation: Formulation, start: NDArray[np.float64]
     start : (2, p) float
         The bounds of the parameters that priors give.
     """
+    if not well_formed(box):
+        return False
     formulation = multiplied_out(formulation)
     if isinstance(box, LiftedBox):
         products = product_rows(formulation)

@@ -17,6 +17,7 @@ from setid.models.block import BlockStructured
 from setid.proofs.driven import driven, within_driven
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import admitted, rows_say_all
+from setid.proofs.fields import well_formed
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 from setid.proofs.uniqueness.free_parameters import free_parameters
@@ -84,6 +85,8 @@ def _misstated(claims: Evidence, again: Formulation) -> str:
     names = [(name, item.name) for name, item in claims.intervals.items()]
     if names != [(name, name) for name in again.parameters]:
         return "the intervals are not those of the parameters, in their order"
+    if not all(map(well_formed, claims.intervals.values())):
+        return "an interval has a field of another type than intervals have"
     nothing = IntervalStatus.EMPTY, (inf, -inf), None
     for item in claims.intervals.values():
         if claims.empty and (item.status, item.outer, item.inner) != nothing:

@@ -17,12 +17,12 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.options import Options
 from setid.proofs.driven import within_driven
+from setid.proofs.fields import check_fields
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.least_noise.noise_scale import NoiseScale, problem_with_factor
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.certificate_files import certificate_files
 from setid.result.damaged_texts import (
-    check_fields,
     list_of,
     member_of,
     object_of,

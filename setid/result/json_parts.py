@@ -30,10 +30,11 @@ from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.denominators.denominator_box import DenominatorBox, Limit
 from setid.proofs.denominators.denominator_cells import Cell, DenominatorCells, VaryingLeaf
 from setid.proofs.denominators.varying_multipliers import VaryingCells
+from setid.proofs.fields import check_fields
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
-from setid.result.damaged_texts import check_fields, refused
+from setid.result.damaged_texts import refused
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import array, rational
 from sparsepop_py.io.json_files.values import CONSTRAINT

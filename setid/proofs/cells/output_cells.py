@@ -45,6 +45,7 @@ from setid.proofs.cells.parts import (
     with_impulses,
 )
 from setid.proofs.cells.unknown_start import depth, free_rows
+from setid.proofs.fields import well_formed
 from sparsepop_py.verified.arithmetic.array_checks import at_least
 from sparsepop_py.verified.arithmetic.interval import Interval, down, up
 from sparsepop_py.verified.uncertain_rows.box import Bounds
@@ -96,6 +97,8 @@ class CellBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Compute it again from the data; there is no solver in it."""
+        if not well_formed(self):
+            return False
         claimed = bool(np.any(np.isfinite([self.low, self.high])))
         nothing = bool(np.all(self.low == -inf) and np.all(self.high == inf))
         if nothing and at_least(start[0], self.lower) and at_least(self.upper, start[1]):

@@ -41,6 +41,7 @@ from setid.proofs.denominators.varying_multipliers import (
     pairs,
     sides,
 )
+from setid.proofs.fields import well_formed
 from setid.proofs.row_boxes import RowBox, rows_prove
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 from sparsepop_py.verified.uncertain_rows.sign_tree import intersect
@@ -222,6 +223,8 @@ class DenominatorBox(Bounds):
         start : (2, p) float
             The bounds of the parameters that priors give.
         """
+        if not well_formed(self):
+            return False
         if self.first is not None and not rows_prove(self.first, formulation, start):
             return False
         hull = self.hull(formulation, start)

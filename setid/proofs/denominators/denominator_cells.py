@@ -36,6 +36,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.denominators.cones import Cone, first_cones, split_cone
 from setid.proofs.denominators.output_rows import OutputRows, output_rows
+from setid.proofs.fields import well_formed
 from sparsepop_py.algebra.read_only import ReadOnly
 from sparsepop_py.verified.arithmetic.rational import solve_matrix
 
@@ -167,7 +168,7 @@ class DenominatorCells(ReadOnly):
         ----------
         rows : OutputRows
         """
-        unrefuted = self.unrefuted(rows)
+        unrefuted = self.unrefuted(rows) if well_formed(self) else None
         return unrefuted is not None and next(unrefuted, None) is None
 
     def unrefuted(self, rows: OutputRows) -> Iterator[int] | None:

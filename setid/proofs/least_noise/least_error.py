@@ -35,6 +35,7 @@ from setid.proofs.denominators.denominator_cells import DenominatorCells
 from setid.proofs.denominators.output_rows import OutputRows, output_rows
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted
+from setid.proofs.fields import well_formed
 from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box
 from sparsepop_py.algebra.polynomial_rows import polynomial_rows
 from sparsepop_py.verified.arithmetic.interval import exact_values
@@ -89,7 +90,7 @@ def equation_bound(rows: Regression, norm: Norm, proof: Multipliers) -> float:
         0 where they prove nothing; rounded down.
     """
     values = proof.values
-    if len(values) != rows.target.size:
+    if len(values) != rows.target.size or not well_formed(proof):
         return 0.0
     if any(weighted_sums(rows.regressors, values)):
         return 0.0

@@ -16,6 +16,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.denominators.denominator_box import DenominatorBox
+from setid.proofs.fields import well_formed
 from setid.proofs.row_boxes import RowBox, rows_prove
 from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
@@ -181,6 +182,8 @@ class SimulatedBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Run every recursion again and apply its multipliers; there is no solver in it."""
+        if not well_formed(self):
+            return False
         parts = recursion_of(formulation, self.first)
         low, high = start
         if self.first is not None:

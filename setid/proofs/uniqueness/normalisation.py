@@ -36,6 +36,7 @@ from setid.formulation.lifting import LIFTED
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.checked_priors import bounds_of
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.fields import well_formed
 from setid.proofs.parameter_box import start_of
 from setid.proofs.uniqueness.exact_rank import moved_parameters
 from setid.simulation.simulate import simulate
@@ -642,11 +643,20 @@ def reference_follows(
     chosen = [name for name in affected if normalised_by(model, name) == reference]
     if not chosen or scaled_parameters(reference) or not takes_both_signs(model, chosen[0]):
         return False
+    return _proves_nonzero(formulation, stated, chosen[0], nonzero)
+
+
+def _proves_nonzero(
+    formulation: Formulation, stated: BlockStructured, name: str, nonzero: Nonzero | None
+) -> bool:
+    """Check the proof that a parameter is zero in no consistent system."""
+    if not well_formed(nonzero):
+        return False
     rows = formulation.products
     if isinstance(nonzero, ParameterBox):
         if rows is None or not nonzero.verify(rows.regression, rows.start(start_of(formulation))):
             return False
-        return formulation.parameters.index(chosen[0]) in products_with(rows, nonzero)
+        return formulation.parameters.index(name) in products_with(rows, nonzero)
     if not isinstance(nonzero, CellBox) or nonzero.open:
         return False
     other = formulate(formulation.data, stated, formulation.noise, formulation.priors)

@@ -25,6 +25,7 @@ from setid.data.noise import Noise
 from setid.formulation.formulation import Formulation, formulate
 from setid.models.lti import TransferFunction
 from setid.proofs.existence import proved_point
+from setid.proofs.fields import well_formed
 
 __all__ = ["Unbounded", "moved_parameters", "simpler_structures"]
 
@@ -59,6 +60,8 @@ class Unbounded:
         ----------
         formulation : Formulation
         """
+        if not well_formed(self):
+            return False
         for lower in simpler_structures(formulation):
             p = len(lower.parameters)
             shapes = self.theta.shape == (p,) and self.witness.shape == (lower.problem.dimension,)
