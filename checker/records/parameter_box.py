@@ -7,6 +7,7 @@ bound them where rows one by one do not (``Directions``).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import chain
@@ -162,13 +163,13 @@ def settle_denominators(factors: Factors, pairs: Pairs, box: list[iv.Interval]) 
 
 
 def total_by(terms: list[Word], pairs: Pairs, box: list[iv.Interval]) -> iv.Interval:
-    """Enclose a sum of products by the columns that are part of it."""
-    left, found = set(terms), iv.ZERO
+    """Enclose a sum of products, each as often as it stands there, by columns that are part."""
+    left, found = Counter(terms), iv.ZERO
     for column, known in pairs:
-        if left.issuperset(column):
+        if Counter(column) <= left:
             found = iv.plus(found, iv.met(total(column, box), known))
-            left.difference_update(column)
-    return iv.plus(found, total([word for word in terms if word in left], box))
+            left.subtract(column)
+    return iv.plus(found, total(list(left.elements()), box))
 
 
 def at_one(factors: Factors, box: list[iv.Interval]) -> iv.Interval:

@@ -12,9 +12,10 @@ import certificate_damage as damage
 import pytest
 from record_corpus import written
 
+from checker.arithmetic import interval as iv
 from checker.files import reading
 from checker.records.box import nothing
-from checker.records.parameter_box import cube_side, proved_box
+from checker.records.parameter_box import cube_side, proved_box, total_by
 from checker.records.record import Identification
 from checker.result import NotProved
 
@@ -279,3 +280,12 @@ def test_damaged_steps_prove_nothing_false(name):
 def test_hundreds_of_damaged_steps_prove_nothing_false(name):
     said = attack(name, 300, 1)
     assert said["refused"] + said["malformed"] > 100
+
+
+def test_products_of_a_sum_count_as_often_as_they_stand_there() -> None:
+    """(1 + a / q)^2 has the coefficient a + a: with a in [1, 2], one of them known."""
+    box, twice = [iv.around(-9, 9)], [(1,), (1,)]
+    known = [([(1,)], iv.around(1, 2))]
+    assert iv.exactly(total_by(twice, known, box)) == (-8, 11)
+    assert iv.exactly(total_by(twice, [(twice, iv.around(2, 4))], box)) == (2, 4)
+    assert iv.exactly(total_by([(1,)], [(twice, iv.around(2, 4))], box)) == (-9, 9)

@@ -22,6 +22,7 @@ Math. Comp. 28, 1974 (factors).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product as every_choice
@@ -31,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial, total, variables
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.verified.arithmetic.array_checks import frozen
 from sparsepop_py.verified.arithmetic.scalar_interval import (
     Ends,
@@ -77,6 +79,11 @@ class ProductRows:
     denominators : tuple of tuple of tuple of int
         For each output its denominators, by their parameters from lag 1 on; rows hold their
         product.
+
+    Raises
+    ------
+    ProblemError
+        If there is not one sum for each column, or a sum holds a monomial twice.
     """
 
     regression: UncertainRows
@@ -84,6 +91,16 @@ class ProductRows:
     parameters: tuple[str, ...]
     gains: tuple[Gain, ...] = ()
     denominators: tuple[Factors, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.columns) != len(self.regression.names):
+            count = len(self.regression.names)
+            raise ProblemError(f"columns: found {len(self.columns)}, expected {count} as in rows")
+        for number, column in enumerate(self.columns):
+            if len(set(column)) < max(len(column), 1):
+                raise ProblemError(
+                    f"columns[{number}]: found {column}, expected distinct monomials"
+                )
 
     def start(self, box: Reals) -> Reals:
         """Bound all columns (2, q) on a box (2, p) of theta, rounded outwards."""
@@ -162,13 +179,13 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
 
 
 def _sum_by(ends: Sequence[Ends], terms: Total, totals: Mapping[Total, Ends]) -> Ends:
-    """Bound a sum of monomials by the bounds of sums that are part of it."""
-    left, ranges = set(terms), []
+    """Bound a sum of monomials, each as often as it stands there, by sums that are part of it."""
+    left, ranges = Counter(terms), []
     for part, found in totals.items():
-        if left.issuperset(part):
+        if Counter(part) <= left:
             ranges.append(meet(found, _total(ends, part)))
-            left.difference_update(part)
-    ranges += [product([ends[i] for i in monomial]) for monomial in terms if monomial in left]
+            left.subtract(part)
+    ranges += [product([ends[i] for i in monomial]) for monomial in left.elements()]
     return sum_of(ranges)
 
 

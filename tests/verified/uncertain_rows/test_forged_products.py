@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.uncertain_rows import ProductRows, UncertainRows
-from sparsepop_py.verified.uncertain_rows.products import contracted, merged
+from sparsepop_py.verified.uncertain_rows.products import _sum_by, contracted, merged
 
 INF = np.inf
 F = Fraction
@@ -260,3 +261,27 @@ def test_columns_that_multiply_the_same_are_one():
     start = found.start(box)
     assert start[0, 0] <= 1.0 and 7.0 <= start[1, 0] <= 7.0 + 1e-12
     assert start[:, 1].tolist() == [1.0, 2.0]
+
+
+def test_monomials_of_a_sum_count_as_often_as_they_stand_there():
+    """(1 + a / q)^2 has the coefficient a + a: with 1 <= a <= 2 it lies in [2, 4]."""
+    box, once, twice = [(-9.0, 9.0)], ((0,),), ((0,), (0,))
+    for terms, known, (least, most) in (
+        (twice, {once: (1.0, 2.0)}, (-8.0, 11.0)),  # one of them is known
+        (twice, {twice: (2.0, 4.0)}, (2.0, 4.0)),
+        (once, {twice: (2.0, 4.0)}, (-9.0, 9.0)),
+    ):
+        low, high = _sum_by(box, terms, known)
+        assert least - 1e-9 <= low <= least and most <= high <= most + 1e-9
+    theta = 3.0  # 2 a = 6 and a^2 = 9
+    square = {((0,),): (theta, theta), ((0, 0),): (theta**2, theta**2)}
+    box = contracted(np.array([[-INF], [INF]]), square, (), (((0,), (0,)),))
+    assert box[0, 0] <= theta <= box[1, 0]
+
+
+@pytest.mark.parametrize("columns", [[((0,), (0,))], [()], [((0,),), ((1,),)]])
+def test_columns_are_sums_of_distinct_monomials(columns):
+    """2 a = 2 would say that a = 2: what the other summand is was taken for nothing."""
+    nothing = UncertainRows(("c",), [-2.0], [[1.0]], [0.0], [[0.0]])
+    with pytest.raises(ProblemError, match="columns"):
+        ProductRows(nothing, tuple(columns), ("a", "b"))
