@@ -13,6 +13,7 @@ import numpy as np
 import sparsepop_py as sp
 from setid.errors import SetidError
 from setid.formulation.formulation import Formulation
+from setid.proofs.fields import well_formed
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.uniqueness.normalisation import Nonzero
@@ -65,6 +66,8 @@ def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
     which False is an answer and an exception is none. Numbers overflow there without a warning.
     A call with arguments that the check does not take says nothing of a result: a TypeError.
 
+    Types of the fields of a proof are checked first, see :func:`setid.proofs.fields.well_formed`.
+
     Examples
     --------
     >>> as_verdict(lambda pair: Verification(pair[2] == 1))((0, 1))
@@ -77,6 +80,8 @@ def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
         taken.bind(*args, **kwargs)
         try:
             with np.errstate(all="ignore"):
+                if not all(map(well_formed, args[:1])):
+                    return Verification(False, "a field is of another type than its class states")
                 return verify(*args, **kwargs)
         except FloatingPointError:  # of a process whose arithmetic proves nothing
             raise

@@ -22,7 +22,8 @@ from sparsepop_py.verified.arithmetic.interval import require_ieee
 __all__ = ["check_fields", "fits", "well_formed"]
 
 _ROOM = re.compile(r"(\w+\.)+")  # in names of types
-_PROOFS = ("setid.proofs.", "sparsepop_py.verified.")  # rooms whose classes are looked into
+_PROOFS = ("setid.proofs.", "setid.neural.", "sparsepop_py.verified.")  # what is looked into
+_GIVEN = ("setid.neural.models.",)  # parts of the question, which constructors check
 
 
 def well_formed(proof: Any) -> bool:
@@ -42,14 +43,19 @@ def well_formed(proof: Any) -> bool:
     waiting = [proof]
     while waiting:
         part = waiting.pop()
-        kind = type(part)
+        kind: Any = type(part)
         if kind is tuple:
             waiting += part
-        elif kind.__module__.startswith(_PROOFS) and kind is not sp.Certificate:
+        elif _is_proof(kind):
             if _wrong_field(part):
                 return False
             waiting += [getattr(part, name) for name in _hints(kind)]
     return True
+
+
+def _is_proof(kind: type) -> bool:
+    room = kind.__module__
+    return room.startswith(_PROOFS) and not room.startswith(_GIVEN) and kind is not sp.Certificate
 
 
 def check_fields(made: Any, place: str) -> None:
@@ -67,7 +73,8 @@ def check_fields(made: Any, place: str) -> None:
         Naming the field.
     """
     if name := _wrong_field(made):
-        hint = _hints(type(made))[name]
+        kind: Any = type(made)
+        hint = _hints(kind)[name]
         stated = str(hint) if get_args(hint) else hint.__name__
         raise SetidError(
             f"{place}.{name}: found {getattr(made, name)!r:.60}, expected {_ROOM.sub('', stated)}"
@@ -76,7 +83,8 @@ def check_fields(made: Any, place: str) -> None:
 
 def _wrong_field(made: Any) -> str:
     """Name the first field of another type than its class states; empty where there is none."""
-    pairs = _hints(type(made)).items()
+    kind: Any = type(made)
+    pairs = _hints(kind).items()
     return next((name for name, hint in pairs if not fits(getattr(made, name), hint)), "")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import setid
+from setid import neural
 from setid.data.checks import FrozenMapping
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.denominators.denominator_box import DenominatorBox
@@ -96,6 +97,21 @@ def test_boxes_are_arrays_of_doubles(kind: str) -> None:
     ):
         assert not box_follows(replace(box, lower=other), known)
     assert not box_follows(replace(box, names=("gain",)), known)
+
+
+def test_multipliers_of_networks_have_sizes() -> None:
+    """The size of -128 in eight bits is -128, and what a state explains would count against it."""
+    net = neural.Elman([([[0.5]], [[0.5]], [0.0])], ([[1.0]], [0.0]))
+    u = np.linspace(-1.0, 1.0, 8)
+    y = net.simulate(setid.IOData(u, np.zeros(8)), np.array([0.3]))[:, 0]
+    found = neural.output_error(net, setid.IOData(u, y + 0.1), [[-1.0, 1.0]])
+    assert found.verify() and found.upper_bound < 0.2
+    dual = np.zeros(found.horizon, np.int8)
+    dual[0] = -128
+    tree = replace(found.tree, split=-1, children=(), dual=dual)
+    forged = replace(found, tree=tree, lower_bound=0.5, upper_bound=0.5, tolerance=1.0)
+    for status in neural.Status.PROVED, neural.Status.PARTIAL:
+        assert "another type" in replace(forged, status=status).verify().reason
 
 
 def test_directions_have_signs() -> None:
