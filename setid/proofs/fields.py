@@ -7,6 +7,7 @@ sign or a sum wraps, so that numbers that pass each comparison prove what is fal
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import is_dataclass
 from functools import cache
 from sys import float_info
@@ -46,6 +47,8 @@ def well_formed(proof: Any) -> bool:
         kind: Any = type(part)
         if kind is tuple:
             waiting += part
+        elif isinstance(part, Mapping):
+            waiting += part.values()
         elif _is_proof(kind):
             if _wrong_field(part):
                 return False

@@ -112,6 +112,8 @@ def test_multipliers_of_networks_have_sizes() -> None:
     forged = replace(found, tree=tree, lower_bound=0.5, upper_bound=0.5, tolerance=1.0)
     for status in neural.Status.PROVED, neural.Status.PARTIAL:
         assert "another type" in replace(forged, status=status).verify().reason
+    assert well_formed(FrozenMapping({(): found.tree}))
+    assert not well_formed(FrozenMapping({(): tree}))
 
 
 def test_directions_have_signs() -> None:
