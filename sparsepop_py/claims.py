@@ -49,7 +49,7 @@ def proved_bound(certificate: Any, problem: Any) -> float:
 
 
 def raised(upper: float, attained: float) -> float:
-    """Raise a stored upper bound to what its point attains here, where both agree but for digits.
+    """Raise a stored upper bound to what its point attains, where digits alone differ.
 
     Parameters
     ----------

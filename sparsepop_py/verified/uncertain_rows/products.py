@@ -179,7 +179,7 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
 
 
 def _sum_by(ends: Sequence[Ends], terms: Total, totals: Mapping[Total, Ends]) -> Ends:
-    """Bound a sum of monomials, each as often as it stands there, by sums that are part of it."""
+    """Bound a sum of monomials, repeated ones too, by bounds of its parts."""
     left, ranges = Counter(terms), []
     for part, found in totals.items():
         if Counter(part) <= left:
