@@ -23,7 +23,8 @@ from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError
 from setid.feasible_points.start import candidates
-from setid.feasible_points.witness import least_noise
+from setid.feasible_points.witness import Witness, least_noise
+from setid.formulation.completion import held_unknowns
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
@@ -41,6 +42,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 
 _STEPS = 30  # halvings of the bound that an estimate needs
+_NEAR = 1e-9  # relative, by which an estimate may miss a prior
 _MOST = 30.0  # seconds for an estimate, or units of work
 
 
@@ -165,8 +167,9 @@ def estimate_delta(
     Returns
     -------
     EstimatedBound
-        In the unit of the output, for :meth:`Noise.covering`. It is consistent with the data
-        (attained); its text says what is proved to be too small.
+        In the unit of the output, for :meth:`Noise.covering`. It is consistent with data and priors
+        (attained), or twice the largest reading where none was found consistent; its text says
+        which, and what is proved to be too small.
 
     Raises
     ------
@@ -201,25 +204,32 @@ def estimate_delta(
     settings = checked_options(options, Options(time_limit=_MOST))
     until = settings.deadline()
     limit, x = _explaining(data, stated, until)
-    low, value = 0.0, limit
+    low, attained = 0.0, limit if x is not None else inf
     if limit > 0.0:
-        low, value = _least(stated(limit), limit, x, settings, until)
+        low, attained = _least(stated(limit), limit, x, settings, until)
+    value = min(attained, limit)
     value = float(np.nextafter(value * factor, inf)) if value > 0.0 else 0.0
-    text = _sentence(value, low, factor)
+    text = _sentence(value, low, factor, attained < inf)
     return EstimatedBound(frozen(np.array([value])), frozen(np.zeros(1)), text)
 
 
 def _explaining(
     data: IOData, stated: Callable[[float], Formulation], until: float
 ) -> tuple[float, NDArray[np.float64] | None]:
-    """A bound with which some estimate is consistent, with its unknowns; near its least one."""
+    """A bound with which some estimate is consistent, with its unknowns; near its least one.
+
+    Without unknowns where no estimate is: the largest bound that is tried.
+    """
     largest = 2.0 * float(np.nanmax(np.abs(data.y))) or 1.0
     unit = stated(largest)
     best: tuple[float, NDArray[np.float64] | None] = (largest, None)
     for theta in candidates(unit, unit.problem):
-        at_zero = least_noise(stated(0.0), theta)
-        if at_zero.level <= 1.0:
-            return 0.0, at_zero.x
+        exact = stated(0.0)
+        found = least_noise(exact, theta)
+        if not _obeyed(exact, found):
+            continue
+        if found.level <= 1.0:
+            return 0.0, found.x
         low, high = largest * 2.0**-_STEPS, largest
         if least_noise(unit, theta).level > 1.0:
             continue
@@ -233,6 +243,22 @@ def _explaining(
     return best
 
 
+def _obeyed(formulation: Formulation, found: Witness) -> bool:
+    """Check priors at a witness, up to rounding; the noise does not count."""
+    problem, x = formulation.problem, np.nan_to_num(found.x)
+    known = np.isfinite(found.x) & ~held_unknowns(formulation)
+    outside = np.maximum(problem.lower - x, x - problem.upper) > _NEAR * (1.0 + np.abs(x))
+    rows = zip(problem.constraints, formulation.rows.origin, strict=True)
+    off = [_missed(row, x) for row, origin in rows if origin == "prior"]
+    return not np.any(outside & known) and max(off, default=0.0) <= _NEAR
+
+
+def _missed(row: sp.Constraint, x: NDArray[np.float64]) -> float:
+    """By how much a row fails, relative to its coefficients."""
+    value = float(row.polynomial(x)) / (1.0 + np.abs(row.polynomial.coefficients).max(initial=0.0))
+    return abs(value) if row.kind is sp.Kind.ZERO else -value
+
+
 def _least(
     formulation: Formulation,
     limit: float,
@@ -240,27 +266,34 @@ def _least(
     settings: Options,
     until: float,
 ) -> tuple[float, float]:
-    """Proved lower end and attained value of the least bound up to the limit."""
+    """Proved lower end and attained value of the least bound up to the limit.
+
+    The value is infinite where none is attained.
+    """
+    known = limit if x is not None else inf
     rows = formulation.smoothed
     box = None if rows is None else parameter_box(rows, start_of(formulation), until)
     asked = problem_with_factor(formulation, box, limit)
     result = on_box(formulation, asked, settings.for_engine("absolute", until), x)
     if result is None:
-        return 0.0, limit
+        return 0.0, known
     low = max(0.0, result.lower_bound) * limit if np.isfinite(result.lower_bound) else 0.0
     units = in_units(asked, formulation).units
     point = result.attained
     if point is not None and not admitted_point(formulation, units, point):
         point = None
-    value = limit if point is None else min(1.0, point.value) * limit
-    return float(np.nextafter(low, 0.0)), value * (1.0 + 1e-9)
+    value = known if point is None else min(1.0, point.value) * limit
+    return float(np.nextafter(low, 0.0)), min(value * (1.0 + 1e-9), limit)
 
 
-def _sentence(value: float, low: float, factor: float) -> str:
+def _sentence(value: float, low: float, factor: float, attained: bool) -> str:
     """The assumption that a delta makes, and what is proved of smaller ones."""
+    origin = "the least one that was found consistent with the data"
+    if not attained:
+        origin = "twice the largest reading, as none was found consistent with the data"
     return (
-        f"discretisation error: at most delta = {all_digits(value)}, the least one that was found "
-        f"consistent with the data (proved: none below {rounded(low, False, 6)} is)"
+        f"discretisation error: at most delta = {all_digits(value)}, {origin} "
+        f"(proved: none below {rounded(low, False, 6)} is)"
         + (f", times {all_digits(factor)}" if factor > 1.0 else "")
         + "; the true error may be larger"
     )

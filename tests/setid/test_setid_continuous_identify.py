@@ -247,6 +247,20 @@ def test_the_least_bound_is_consistent_and_less_is_not() -> None:
     assert doubled.value[0] == pytest.approx(2 * value, rel=0.02)
 
 
+def test_estimated_error_is_consistent_with_priors_too() -> None:
+    """Rows that admit delta = 0 alone do not with the prior, whose set was proved empty then."""
+    data = setid.IOData([1, 2, 1, 1, 0, 1], [0.0, 0.6, 1.5, 1.3, 1.2, 0.4], Ts=1.0)
+    model, noise = C(1, 0, hold="constant", delta="estimate"), setid.Noise(output=0.3)
+    fast = [setid.PoleIn(-2.0, -1.9)]
+    assert setid.estimate_delta(data, model, noise).value[0] == 0.0
+    assert setid.identify(data, C(1, 0, hold="constant"), noise, fast, options=QUICK).empty
+    found = setid.estimate_delta(data, model, noise, fast, options=QUICK)
+    assert found.value[0] > 0.0 and "none was found consistent" in found.assumption
+    held = [setid.Known({"a0": 1.9}), setid.Sign({"b0": "-"})]
+    found = setid.estimate_delta(data, model, noise, held, options=QUICK)
+    assert found.value[0] == pytest.approx(1.2, rel=0.05) and "the least one" in found.assumption
+
+
 def test_estimate_is_settled_by_identify_and_listed() -> None:
     """A held input and m = n - 1: other coefficients absorb the whole error."""
     data, error = sampled(0.4, 10)
