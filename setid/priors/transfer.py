@@ -214,9 +214,10 @@ def _check_channels(prior: MinimumPhase | DCGain | _RootIn) -> None:
 
 @dataclass(frozen=True, slots=True)
 class MinimumPhase(Plain):
-    """All zeros of one transfer function in the closed unit disc (delays aside).
+    """All zeros of one transfer function in the closed unit disc (the delay ``nk`` aside).
 
-    In continuous time they are in the closed left half plane.
+    A delay beyond ``nk``, where the leading coefficient is zero, is a zero outside the disc. In
+    continuous time zeros are in the closed left half plane.
 
     Parameters
     ----------
