@@ -216,7 +216,7 @@ def estimate_delta(
 def _explaining(
     data: IOData, stated: Callable[[float], Formulation], until: float
 ) -> tuple[float, NDArray[np.float64] | None]:
-    """A bound with which some estimate is consistent, with its unknowns; near its least one.
+    """Find a bound with which some estimate is consistent, with its unknowns; near its least one.
 
     Without unknowns where no estimate is: the largest bound that is tried.
     """
