@@ -183,9 +183,10 @@ class Summarised(ABC):
         ClaimError
             If the evidence proves less than the result claims, rounding aside.
         """
+        own: Any = self
         found = self._evidence()
         upper = raised(self.upper_bound, found.attained)
-        made = replace(self, upper_bound=upper, attained=found.point)  # type: ignore[type-var]
+        made: Self = replace(own, upper_bound=upper, attained=found.point)
         check_claims(made, found.proved, found.attained)
         return made
 
