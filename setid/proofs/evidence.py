@@ -77,10 +77,10 @@ def as_verdict(verify: Callable[P, Verification]) -> Callable[P, Verification]:
 
     @wraps(verify)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Verification:
-        taken.bind(*args, **kwargs)
+        given = [*taken.bind(*args, **kwargs).arguments.values()]
         try:
             with np.errstate(all="ignore"):
-                if not all(map(well_formed, args[:1])):
+                if not all(map(well_formed, given[:1])):
                     return Verification(False, "a field is of another type than its class states")
                 return verify(*args, **kwargs)
         except FloatingPointError:  # of a process whose arithmetic proves nothing

@@ -144,7 +144,7 @@ def test_words_of_intervals_are_statuses(status: str) -> None:
         name: replace(item, status=status, inner=None) for name, item in found.intervals.items()
     }
     verdict = replace(found, intervals=FrozenMapping(items)).verify()
-    assert verdict.reason == "an interval has a field of another type than intervals have"
+    assert verdict.reason == "a field is of another type than its class states"
     physical = setid.Physical({"K": (0, 10)}, ["b0 = K"])
     shown = setid.reparametrise(found, physical, QUIET)
     assert shown.verify()

@@ -66,6 +66,21 @@ def nudged(claims: Evidence, name: str, which: str, end: int, inwards: bool) -> 
     return with_interval(claims, name, **{which: tuple(ends)})
 
 
+@pytest.mark.parametrize("change", [lambda a: a[:, None], lambda a: a[:1], lambda a: a[None]])
+def test_arrays_of_other_shapes_prove_nothing_and_raise_nothing(change: Callable[..., Any]) -> None:
+    """Boxes and points whose arrays would be spread over others, and the same by keyword."""
+    evidence = found(setid.Noise(output=0.5))
+    assert evidence.box is not None and verify(evidence)
+    (first, *others), points = evidence.ends, [end.attained for end in evidence.ends]
+    assert points[0] is not None
+    damaged = first._replace(attained=replace(points[0], x=points[0].x[:1]))
+    for forged in (
+        replace(evidence, box=replace(evidence.box, lower=change(evidence.box.lower))),
+        replace(evidence, ends=(damaged, *others)),
+    ):
+        assert not verify(forged) and not verify(claims=forged)
+
+
 def test_processes_that_flush_subnormal_numbers_verify_nothing(linear, monkeypatch):
     """Not even that a record is another one: closed forms of some proofs ask no further."""
     other = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.5])
