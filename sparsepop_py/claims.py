@@ -1,11 +1,13 @@
-"""Claims of results, computed again: the bound, the attained value and the status."""
+"""Claims of results, computed again: the bound, the attained value, its point, the status."""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
-from sparsepop_py.errors import ClaimError
+import numpy as np
+
+from sparsepop_py.errors import ClaimError, shown
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["Recomputed", "check_claims", "proved_bound", "raised"]
@@ -78,7 +80,7 @@ def check_claims(result: Any, proved: float, attained: float) -> None:
     Parameters
     ----------
     result : Result or RationalResult
-        Its bounds and its status are compared.
+        Its bounds, its point and its status are compared.
     proved, attained : float
         As computed again.
 
@@ -98,10 +100,13 @@ def check_claims(result: Any, proved: float, attained: float) -> None:
             f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
             "which its point attains"
         )
-    shown = {
+    point = result.attained
+    if point is not None and not np.array_equal(result.x, point.x[: result.problem.dimension]):
+        raise ClaimError(f"result.x: found {shown(result.x)}, expected the point that is attained")
+    evident = {
         "OPTIMAL": math.isfinite(proved) and math.isfinite(attained),
         "INFEASIBLE": proved == math.inf,
         "UNBOUNDED": attained == -math.inf,
     }
-    if not shown.get(result.status, True):
+    if not evident.get(result.status, True):
         raise ClaimError(f"result.status: found {result.status!s}, expected one that is proved")

@@ -75,6 +75,16 @@ def test_points_and_certificates_are_computed_again() -> None:
     assert verdict.reason.startswith("result.certificate")
 
 
+@pytest.mark.parametrize("problem", [DISC, RATIO])
+def test_the_point_is_the_attained_one(problem: sp.Problem | sp.RationalProblem) -> None:
+    found = sp.solve(problem)
+    assert found.x is not None
+    for other in (found.x + 1.0, found.x[:1], None):
+        assert replace(found, x=other).verify().reason.startswith("result.x: found ")
+    with pytest.raises(sp.ProblemError, match=r"result\.x: found"):
+        sp.from_json(sp.to_json(replace(found, x=found.x + 1.0)))
+
+
 def test_false_claims_about_ratios_are_named() -> None:
     """The minimum is -1/2, at x = 1 or -1 and y = -1."""
     found = sp.solve(RATIO)

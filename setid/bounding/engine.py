@@ -175,6 +175,6 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     for found in results:
         if found.attained is None and found.status is not sp.Status.INFEASIBLE:
             best = best_point(points, found.problem)
-            found = replace(found, attained=best, upper_bound=best.value)
+            found = replace(found, attained=best, x=best.x, upper_bound=best.value)
         made.append(found)
     return made
