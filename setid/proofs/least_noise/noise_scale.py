@@ -267,6 +267,8 @@ def verify_scale(found: NoiseScale) -> Verification:
     """
     if any(map(isnan, found.scale)):
         return Verification(False, "an end is no number")
+    if found.noise.constraints:
+        return Verification(False, "noise with constraints over the record has no factor")
     again = stated_at(found, found.limit)
     if again.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the problem is not that of the data, the noise and the limit")

@@ -57,6 +57,14 @@ def test_a_call_that_a_check_does_not_take_is_no_verdict() -> None:
         found.verify(data)  # type: ignore[call-arg]
 
 
+def test_noise_with_constraints_over_the_record_has_no_factor() -> None:
+    """What is attained within bounds need not have little energy."""
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    small = setid.EnergyBound("equation", 1e-6)
+    forged = replace(found, noise=setid.Noise(equation=1.0, constraints=[small]))
+    assert "constraints over the record" in forged.verify().reason
+
+
 @pytest.mark.parametrize("scale", [(0.0, np.nan), (np.nan, inf)])
 def test_ends_that_are_no_numbers_are_not_attained(scale: tuple[float, float]) -> None:
     """NaN is not below infinity, so that nothing had to attain it."""
