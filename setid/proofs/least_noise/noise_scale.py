@@ -265,10 +265,8 @@ def verify_scale(found: NoiseScale) -> Verification:
     ----------
     found : NoiseScale
     """
-    if any(map(isnan, found.scale)):
-        return Verification(False, "an end is no number")
-    if found.noise.constraints:
-        return Verification(False, "noise with constraints over the record has no factor")
+    if reason := _misstated(found):
+        return Verification(False, reason)
     again = stated_at(found, found.limit)
     if again.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the problem is not that of the data, the noise and the limit")
@@ -292,6 +290,15 @@ def verify_scale(found: NoiseScale) -> Verification:
         return Verification(False, "nothing attains the upper end")
     good = found.scale[0] <= proved
     return Verification(good, "" if good else "the lower end does not follow")
+
+
+def _misstated(found: NoiseScale) -> str:
+    """Say why a claim has no meaning; empty where it has one."""
+    if any(map(isnan, found.scale)):
+        return "an end is no number"
+    if found.noise.constraints:
+        return "noise with constraints over the record has no factor"
+    return ""
 
 
 def _emptiness_follows(
