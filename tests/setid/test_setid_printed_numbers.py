@@ -171,7 +171,7 @@ def test_margins_are_rounded_to_what_is_proved() -> None:
 
 @pytest.mark.parametrize("low", [0.123456789, 2 / 3, 0.0])
 def test_below_a_delta_no_more_is_excluded_than_proved(low: float) -> None:
-    text = _sentence(0.7, low, 1.0)
+    text = _sentence(0.7, low, 1.0, True)
     assert Fraction(re.findall(rf"none below ({NUMBER}) is", text)[0]) <= Fraction(low)
 
 
