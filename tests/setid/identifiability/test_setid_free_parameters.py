@@ -78,7 +78,10 @@ def test_a_forged_claim_of_freedom_is_refused() -> None:
     item = setid.ParameterInterval("a1", (-inf, inf), (-inf, inf), free)
     claim = replace(result, intervals={**result.intervals, "a1": item})
     assert "a1 is unidentifiable" in claim.verify().reason
-    claim = replace(result, intervals={**result.intervals, "a1": replace(item, status="partial")})
+    claim = replace(
+        result,
+        intervals={**result.intervals, "a1": replace(item, status=setid.IntervalStatus.PARTIAL)},
+    )
     assert "a1 is not attained" in claim.verify().reason
 
 
@@ -87,7 +90,9 @@ def test_a_parameter_of_no_row_is_not_said_to_be_zero() -> None:
     data = setid.IOData(SILENT, 0.9 ** np.arange(12))
     result = setid.identify(data, FIRST, setid.Noise(output=0.001), options=QUICK)
     assert result.intervals["b0"].outer == (-inf, inf) and bool(result.verify())
-    item = replace(result.intervals["b0"], outer=(0.0, 0.0), inner=None, status="partial")
+    item = replace(
+        result.intervals["b0"], outer=(0.0, 0.0), inner=None, status=setid.IntervalStatus.PARTIAL
+    )
     claim = replace(result, intervals={**result.intervals, "b0": item})
     assert "b0 does not follow" in claim.verify().reason
 
