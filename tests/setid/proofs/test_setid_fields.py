@@ -157,9 +157,11 @@ def common_factor() -> tuple[setid.Formulation, Unbounded]:
     data = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
     known = setid.formulate(data, setid.TransferFunction(1, 2), setid.Noise(output=0.1))
     lower = next(f for f in simpler_structures(known) if f.parameters == ("b0",))
-    names = moved_parameters(known, lower.model, np.ones(1))  # type: ignore[arg-type]
+    gain = setid.TransferFunction(0, 1)
+    assert lower.model == gain
+    names = moved_parameters(known, gain, np.ones(1))
     witness = lower.point([1.0], output=np.zeros((3, 1)))
-    return known, Unbounded(names, lower.model, np.ones(1), witness)  # type: ignore[arg-type]
+    return known, Unbounded(names, gain, np.ones(1), witness)
 
 
 def test_simpler_structures_have_doubles() -> None:
@@ -179,6 +181,6 @@ def test_subnormal_numbers_are_needed(kind: str, monkeypatch: pytest.MonkeyPatch
         if kind == "refuted":
             VaryingCells(0, [0], [[-2.0, 1.0]], (LEAF,)).verify(gain(0.9))
         elif kind == "unbounded":
-            Unbounded((), known.model, np.ones(1), np.ones(1)).verify(known)  # type: ignore[arg-type]
+            Unbounded((), setid.TransferFunction(0, 1), np.ones(1), np.ones(1)).verify(known)
         else:
             whole(known, start)[kind].verify(known, start)
