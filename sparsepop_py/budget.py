@@ -252,8 +252,8 @@ def importing() -> Iterator[None]:
     before = time.process_time(), _imports
     try:
         yield
-    finally:  # what is imported may import in turn
-        _imports = before[1] + time.process_time() - before[0]
+    finally:  # what is imported may import in turn, and other threads meanwhile
+        _imports = max(_imports, before[1] + time.process_time() - before[0])
 
 
 def charge(seconds: float) -> None:

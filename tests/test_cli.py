@@ -105,6 +105,7 @@ def test_an_interrupt_outside_of_the_work_is_said_in_a_line(
         (["solve", "{closed}", "--order", "two"], "argument --order: invalid int value: 'two'"),
         (["solve", "{closed}", "--time-limit", "-1"], "Options.time_limit: found -1.0"),
         (["solve", "{closed}", "--gap", "-1"], "Options.gap: found -1.0"),
+        (["orders", "{closed}", "--gap", "-1"], "Options.gap: found -1.0"),
         (
             ["solve", "{closed}", "--plot", "a.xyz"],
             "--plot: found 'a.xyz', expected a file that ends in one of",

@@ -34,6 +34,27 @@ def steps(result: sp.Result) -> list[tuple]:
     return [(h.name, h.lower_bound, h.upper_bound, h.nodes) for h in result.history]
 
 
+def test_costs_leave_out_imports_and_imports_within_them() -> None:
+    """CPU time is that of this process alone, so other work on the machine changes nothing."""
+
+    def work() -> None:
+        end = time.process_time() + 0.02
+        while time.process_time() < end:
+            pass
+
+    clock = Deadline(None)
+    before, cpu = clock.now(), time.process_time()
+    for _ in range(3):
+        with budget.importing():
+            work()
+            with budget.importing():
+                work()
+    left_out = time.process_time() - cpu
+    assert left_out > 0.12 and abs(clock.now() - before) < 0.01
+    work()
+    assert clock.now() - before > 0.02
+
+
 def test_two_runs_are_equal_although_clocks_differ(monkeypatch) -> None:
     first = solved(0.3)
     real = time.process_time

@@ -36,6 +36,8 @@ def test_tolerances_say_what_is_closed(record: str, tol: str, code: int) -> None
     """Linear programs leave gaps of some 1e-8 of the width, and none of a half."""
     arguments = ["identify", record, *FIRST, "--output-noise", "0.5", "--tol", tol]
     assert main(arguments) == code
+    refused = ["consistency", record, *FIRST, "--equation-noise", "0.5", "--tol", "-1"]
+    assert main(refused) == cli.EXIT_INPUT
 
 
 def test_identify_writes_json_and_a_picture(record: str, tmp_path: Path) -> None:
