@@ -70,7 +70,7 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
 
 
 def _size_products(sizes: Reals, problem: sp.Problem, formulation: Formulation) -> None:
-    """Enter sizes (n,) of products without bounds, by the rows that define them."""
+    """Enter sizes (n,) of products without bounds, by the rows x - product == 0 of each."""
     largest = np.append(1.0, np.maximum(np.abs(problem.lower), np.abs(problem.upper)))
     unknown = np.zeros(largest.size, bool)
     for name, numbers in formulation.layout.groups.items():
@@ -84,7 +84,7 @@ def _size_products(sizes: Reals, problem: sp.Problem, formulation: Formulation) 
             continue
         number = int(words[own].max())
         with np.errstate(invalid="ignore"):
-            size = values[~own] @ np.prod(largest[words[~own]], axis=1) / values[own][0]
+            size = values[~own] @ np.prod(largest[words[~own]], axis=1)
         if np.isfinite(size):
             sizes[number - 1] = largest[number] = size
             unknown[number] = False
